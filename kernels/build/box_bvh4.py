@@ -7,6 +7,7 @@ from warpcam.kernels.build.bvh4 import HEADERS, SCRATCH
 from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4.py
+    extra_cpu_include_dirs=[str(NATIVE)],
     extra_cpu_preamble=f'#include "{(NATIVE / "build/box_builder.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in (*HEADERS, NATIVE / "build/box_builder.h")],
 )

@@ -16,6 +16,7 @@ HEADERS = tuple(
 SCRATCH = 320  # bytes a face or box, as kScratch
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
+    extra_cpu_include_dirs=[str(NATIVE)],
     extra_cpu_preamble=f'#include "{(NATIVE / "build/bvh4_builder.h").as_posix()}"',
     extra_build_dependencies=[str(header) for header in HEADERS],
 )
@@ -60,7 +61,10 @@ def load() -> None:
 
 
 def max_listed(num_faces: int) -> int:
-    """How many faces the leaves of a mesh list at most, as room_for(): those that are cut stand in several."""
+    """Return the most faces that the leaves of a mesh list, as room_for() has it.
+
+    Faces that are split occur several times.
+    """
     return 2 * num_faces
 
 

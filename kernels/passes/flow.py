@@ -1,4 +1,4 @@
-"""What was where when a world was last drawn, and how shapes have moved in a camera's image since.
+"""Optical flow: state of the previous frame, and the motion of shapes in a camera's image since then.
 
 The trace itself writes ``flow`` and ``flow_valid`` (native/flow/optical_flow.h). Before it one thread for each shape
 composes how it has moved (native/flow/shape_motion.h), where shapes are few in its own blocks or in the stage of
@@ -22,7 +22,7 @@ MAX_COMPACT_SHAPES = 255  # as many have an id in eight bits, beside none
 
 @wp.struct
 class FlowHistory:
-    """What the trace reads of all that and writes."""
+    """Arrays of the flow history that the trace reads and writes."""
 
     flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
@@ -119,7 +119,7 @@ def bind_motions(
 
 
 def is_compact(tables: SceneTables) -> bool:
-    """Whether what is kept of a pixel has 16 bits, not 32: where all shapes are convex and few."""
+    """Return whether the history of a pixel has 16 bits, not 32: if all shapes are convex and few."""
     convex = tables.splats is None and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types)
     return convex and tables.num_shapes <= MAX_COMPACT_SHAPES
 

@@ -78,7 +78,7 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same with what mirrors, transparent shapes and haze need."""
+    """Struct of one camera's visibility with the tables of mirrors, transparent shapes and haze."""
 
     @wp.struct
     class LayeredFrame:
@@ -102,7 +102,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def overridden_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same with what worlds have each for itself."""
+    """Struct of one camera's visibility with layers and per-world overrides."""
 
     @wp.struct
     class VariedFrame:
@@ -127,7 +127,7 @@ def overridden_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @wp.struct
 class ShadedImages:
-    """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
+    """Images that the kernel writes, channel after channel of pixel after pixel; empty if not asked for."""
 
     rgb: wp.array(dtype=wp.uint8)
     rgba: wp.array(dtype=wp.uint8)
@@ -317,12 +317,15 @@ def _blocks(images: int, facts: int) -> int:
 
 
 def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether textures are looked up on sheets and floors drawn apart: see native/shading/appearance.h."""
+    """Return whether textures are looked up in mip atlases and planes shaded apart: see native/shading/appearance.h."""
     return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_SPARE
 
 
 def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether floors may be drawn by strips, from sheets of their textures: see native/shading_pass/plane_strips.h."""
+    """Return whether planes may be shaded by strips, from mip atlases of their textures.
+
+    See native/shading_pass/plane_strips.h.
+    """
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 

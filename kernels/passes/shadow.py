@@ -39,7 +39,7 @@ MOST = 2**20  # shapes that can be told apart there
 
 @functools.cache
 def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """What the shadow kernel reads and writes, each (world * height * width,)."""
+    """Arrays that the shadow kernel reads and writes, each (world * height * width,)."""
 
     @wp.struct
     class Shaded:
@@ -157,7 +157,7 @@ def bind(
 
 
 def has_occluder_boxes(tables: SceneTables) -> bool:
-    """Whether its meshes have shutters: pack_meshes of accel/meshes.py."""
+    """Return whether the scene's meshes have occluder boxes: pack_meshes of accel/meshes.py."""
     return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
 
 

@@ -165,7 +165,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
 def capacity_of(
     tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
-    """How many shapes such a list has room for; 0 where there is none."""
+    """Return the capacity of the camera's shape lists; 0 for no lists."""
     few = 0 < tables.num_drawn <= LANES
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
     alike = visibility.composes(tables, device)  # what the stage composes is what a block would

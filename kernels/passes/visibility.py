@@ -235,7 +235,10 @@ def _dtype(array: wp.array | None) -> Any:
 
 
 def parts_of(images: Collection[str], width: int, height: int) -> int:
-    """How many blocks share an image whose shapes have been listed: native/traversal/trace_outputs.h has the same."""
+    """Return the number of blocks that share an image whose shapes have been listed.
+
+    native/traversal/trace_outputs.h has the same rule.
+    """
     pixels = REGIONS[0][0] * REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
@@ -279,7 +282,10 @@ def floor_parts(tables: SceneTables, device: wp.Device, width: int, height: int)
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
-    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/traversal/trace_outputs.h."""
+    """Return the number of tiles, one below the other, that a warp of a CUDA block draws at once.
+
+    native/traversal/trace_outputs.h has the same rule.
+    """
     return 2 if {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 
@@ -292,7 +298,7 @@ def paints(
     images: Mapping[str, wp.array],
     device: wp.Device,
 ) -> bool:
-    """Whether the trace writes albedo, too: native/shading_pass/visibility_albedo.h."""
+    """Return whether the trace writes albedo, too: native/shading_pass/visibility_albedo.h."""
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.physical is None and tables.splats is None
     moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
     if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > MAX_LISTED:
@@ -302,14 +308,20 @@ def paints(
 
 
 def facts_of_whole(tables: SceneTables, device: wp.Device, valid: bool) -> int:
-    """What a trace of flow is told whose blocks draw whole images. With many shapes they have no room for words."""
+    """Return the flags of a trace of flow whose blocks draw whole images.
+
+    With many shapes shared memory has no room for words.
+    """
     if not device.is_cuda:
         return 0
     return FLOW_WHOLE | FLOW_NEAR * (valid and is_compact(tables) and tables.num_drawn <= MANY)
 
 
 def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
-    """How many shapes a block lists at once, for a scene of that many: few sizes, so that scenes share kernels."""
+    """Return the capacity of a block's shape list for a scene of that many shapes.
+
+    There are few sizes, so that scenes share kernels.
+    """
     sizes = (16, 32, 64, 96, 128, 192, MAX_LISTED, 512, MANY_LISTED)
     return next(size for size in sizes if size >= min(num_drawn, most))
 

@@ -56,6 +56,7 @@ def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOpt
     lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
     return wp.ModuleBuildOptions(
         extra_cuda_include_dirs=[str(NATIVE)],
+        extra_cpu_include_dirs=[str(NATIVE)],
         extra_cuda_preamble=f'{_PRECOMPILED}{lines}#include "{header}"',
         extra_cpu_preamble=_ON_CPU.format((NATIVE / header).as_posix()),
         extra_build_dependencies=[str(path) for path in sorted(NATIVE.rglob("*.h"))],

@@ -15,7 +15,7 @@ MIN_SECONDS_PER_THREAD = 2e-4  # of work for each thread of a CPU that shares it
 
 
 def cpu_chunks() -> int:
-    """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
+    """Return the number of parts of a CPU launch: several for each thread, to even out uneven work."""
     return 4 * cpu_threads() if cpu_threads() > 1 else 1
 
 

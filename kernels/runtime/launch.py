@@ -62,7 +62,7 @@ class Stage:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it is ready for launches."""
+        """True if it is ready for launches."""
         return bool(self._parts)
 
     def prepare(self) -> None:

@@ -69,20 +69,20 @@ def light_patch(shadows):
         using namespace warpcam;
         WARPCAM_SHARED LightList list;
         Camera camera {{}};
-        camera.origin = to_vec(eye);
+        camera.origin = as_vec3(eye);
         for (int k = 0; k < 3; ++k)
             camera.rotation.at[k][k] = 1.0f;
         gather_lights<{flag}>(lights, camera, 0, 0, thread, list);
-        Finish finish {{ to_row(to_vec(color), -1), {{ emission, specular, exponent, 0 }} }};
-        Facet facet {{}};
+        ResolvedMaterial finish {{ make_float3_int(as_vec3(color), -1), {{ emission, specular, exponent, 0 }} }};
+        GouraudTriangle facet {{}};
         for (int k = 0; k < 3; ++k) {{
-            facet.place[k] = to_vec(position) - to_vec(eye);
+            facet.place[k] = as_vec3(position) - as_vec3(eye);
             facet.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
         }}
-        const Lit one = illuminate<1, {flag}>(list, facet, finish, shadow);
+        const LitColor one = illuminate<1, {flag}>(list, facet, finish, shadow);
         facet.weight1 = 0.25f;
         facet.weight2 = 0.5f;
-        const Lit three = illuminate<3, {flag}>(list, facet, finish, shadow);
+        const LitColor three = illuminate<3, {flag}>(list, facet, finish, shadow);
         if (thread == 0) {{
             wp::index(lit, 0) = wp::vec3(one.linear.x, one.linear.y, one.linear.z);
             wp::index(lit, 1) = wp::vec3(one.display.x, one.display.y, one.display.z);

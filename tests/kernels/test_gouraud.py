@@ -12,17 +12,17 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.func_native("""
     using namespace warpcam;
-    const Vec from = to_vec(eye);
-    Look<255, Wanted<RGB, 0>> look;
+    const Vec3 from = as_vec3(eye);
+    ShapeAppearance<255, ShadingNeeds<RGB, 0>> look;
     look.pose = { { 1.0f, 0.0f, 0.0f, as_int(from.x) }, { 0.0f, 1.0f, 0.0f, as_int(from.y) },
-                  { 0.0f, 0.0f, 1.0f, as_int(from.z) }, to_row(to_vec(size), kind + 16) };
+                  { 0.0f, 0.0f, 1.0f, as_int(from.z) }, make_float3_int(as_vec3(size), kind + 16) };
     const float repeats[2] = { 0.0f, 0.0f };
     look.cells = plane_cells(look.pose, repeats, 0.0f);
-    const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), to_vec(ray));
-    Facet facet;
-    facet_at<255>(look, meshes, surface, to_vec(local) - from, facet);
+    const SurfaceInteraction surface = surface_at<255>(look.pose, meshes, fields, face, as_vec3(local), as_vec3(ray));
+    GouraudTriangle facet;
+    facet_at<255>(look, meshes, surface, as_vec3(local) - from, facet);
     for (int k = 0; k < 3; ++k) {
-        const Vec corner = facet.place[k] + from;
+        const Vec3 corner = facet.place[k] + from;
         wp::index(corners, i, k) = wp::vec3(corner.x, corner.y, corner.z);
     }
     wp::index(weights, i) = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);

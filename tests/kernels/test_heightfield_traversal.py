@@ -24,7 +24,7 @@ TOLERANCE = 1.3 * NUDGE
 
 
 @wp.func_native("""
-    warpcam::Record record {};
+    warpcam::ShapeRecord record {};
     record.axis_x = { 1.0f, 0.0f, 0.0f, warpcam::HEIGHT_FIELD };
     record.axis_y = { 0.0f, 1.0f, 0.0f, 5 };
     record.axis_z = { 0.0f, 0.0f, 1.0f, 1 };
@@ -60,13 +60,13 @@ def walk_all(
 
 
 @wp.func_native("""
-    warpcam::Record record {};
+    warpcam::ShapeRecord record {};
     record.axis_z.w = 1;
     record.size.z = wp::index(fields.size, 1)[3];
     warpcam::RayPacket ray;
-    warpcam::Floats near;
+    warpcam::Float8 near;
     warpcam::PacketHit hit { {}, 0, 0 };
-    for (int k = 0; k < warpcam::PACKET; ++k) {
+    for (int k = 0; k < warpcam::SIMD_WIDTH; ++k) {
         const auto o = wp::index(origins, first + k), d = wp::index(directions, first + k);
         ray.ox[k] = o[0], ray.oy[k] = o[1], ray.oz[k] = o[2];
         ray.dx[k] = d[0], ray.dy[k] = d[1], ray.dz[k] = d[2];
@@ -74,7 +74,7 @@ def walk_all(
         hit.depth[k] = wp::index(limits, first + k)[1];
     }
     warpcam::walk_packet(fields, record, ray, near, hit);
-    for (int k = 0; k < warpcam::PACKET; ++k) {
+    for (int k = 0; k < warpcam::SIMD_WIDTH; ++k) {
         depth.data[first + k] = hit.depth[k];
         wp::address(found, first + k)[0] = wp::vec2i(hit.met[k] ? 5 : -1, hit.face[k]);
     }
@@ -103,7 +103,7 @@ def walk_all_on_cpu(
 
 
 @wp.func_native("""
-    warpcam::Record record {};
+    warpcam::ShapeRecord record {};
     record.axis_z.w = 1;
     record.size.z = wp::index(fields.size, 1)[3];
     const auto o = wp::index(origins, i), d = wp::index(directions, i);

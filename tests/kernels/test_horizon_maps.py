@@ -16,10 +16,10 @@ DEVICES = [str(device) for device in wp.get_devices()]
 @wp.func_native("""
     using namespace warpcam;
     const unsigned row = unsigned(face * FACE_ROWS);
-    const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
-    const Row c = load(meshes.faces.data, row + 2);
-    const FaceAxes axes = face_axes(to_vec(a), to_vec(b), to_vec(c));
-    wp::index(clear, i) = is_clear(unsigned(c.w), axes, to_vec(direction));
+    const Float3Int a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+    const Float3Int c = load(meshes.faces.data, row + 2);
+    const FaceAxes axes = face_axes(as_vec3(a), as_vec3(b), as_vec3(c));
+    wp::index(clear, i) = is_clear(unsigned(c.w), axes, as_vec3(direction));
 """)
 def ask(meshes: Meshes, face: wp.int32, direction: wp.vec3, i: wp.int32, clear: wp.array(dtype=wp.int32)): ...
 

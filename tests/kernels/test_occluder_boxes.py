@@ -16,10 +16,10 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.func_native("""
     using namespace warpcam;
-    float least = FAR_AWAY;
+    float least = MISS;
     for (int k = 0; k < SHUTTERS; ++k) {
-        const Shutter shutter = Shutter::load_from(meshes.shutters.data, mesh, k);
-        least = lower(least, shutter.aside({ to_vec(origin), to_vec(direction) }, { 0.0f, 1.0f }));
+        const OccluderBox shutter = OccluderBox::load_from(meshes.shutters.data, mesh, k);
+        least = min(least, shutter.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
     }
     wp::index(aside, i) = least;
 """)

@@ -13,15 +13,15 @@ SHAPES, POINTS = 4000, 400
 
 @wp.func_native("""
     using namespace warpcam;
-    Matrix rows;
+    Mat3 rows;
     for (int r = 0; r < 3; ++r)
         for (int c = 0; c < 3; ++c)
             rows.at[r][c] = axes.data[r][c];
-    ViewSpan span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+    ViewSpan span { MISS, -MISS, MISS, -MISS };
     if (pinhole)
-        span_round<PINHOLE>(kind, to_vec(center), -center[2], rows, to_vec(half), span);
+        span_round<PINHOLE>(kind, as_vec3(center), -center[2], rows, as_vec3(half), span);
     else
-        span_round<ORTHOGRAPHIC>(kind, to_vec(center), -center[2], rows, to_vec(half), span);
+        span_round<ORTHOGRAPHIC>(kind, as_vec3(center), -center[2], rows, as_vec3(half), span);
     wp::index(spans, i) = wp::vec4(span.left, span.right, span.low, span.high);
 """)
 def find_span(

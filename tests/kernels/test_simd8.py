@@ -13,12 +13,12 @@ EIGHT = 8
 
 @wp.func_native("""
     using namespace warpcam;
-    Floats base;
-    for (int k = 0; k < PACKET; ++k)
-        base[k] = wp::index(bases, PACKET * i + k);
-    const Floats result = power(base, exponent);
-    for (int k = 0; k < PACKET; ++k)
-        wp::index(powers, PACKET * i + k) = result[k];
+    Float8 base;
+    for (int k = 0; k < SIMD_WIDTH; ++k)
+        base[k] = wp::index(bases, SIMD_WIDTH * i + k);
+    const Float8 result = pow(base, exponent);
+    for (int k = 0; k < SIMD_WIDTH; ++k)
+        wp::index(powers, SIMD_WIDTH * i + k) = result[k];
 """)
 def power_of_eight(
     bases: wp.array(dtype=wp.float32), exponent: wp.float32, i: wp.int32, powers: wp.array(dtype=wp.float32)
@@ -29,22 +29,22 @@ def power_of_eight(
     using namespace warpcam;
     const Image image = load_image(textures, 0);
     const unsigned* const texels = textures.texels.data;
-    Vecs place, right, down, many;
-    for (int k = 0; k < PACKET; ++k) {
-        put_one(place, k, to_vec(wp::index(places, PACKET * i + k)));
-        put_one(right, k, to_vec(wp::index(rights, PACKET * i + k)));
-        put_one(down, k, to_vec(wp::index(downs, PACKET * i + k)));
+    Vec3x8 place, right, down, many;
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        set_lane(place, k, as_vec3(wp::index(places, SIMD_WIDTH * i + k)));
+        set_lane(right, k, as_vec3(wp::index(rights, SIMD_WIDTH * i + k)));
+        set_lane(down, k, as_vec3(wp::index(downs, SIMD_WIDTH * i + k)));
     }
     if (cube)
         sample_cubes(texels, Levels(image, 6), place, right, down, many);
     else
         many = sample_2d(texels, Levels(image, 1), Footprints { place.x, place.y, right.x, right.y, down.x, down.y });
-    for (int k = 0; k < PACKET; ++k) {
-        const Vec p = one_of(place, k), x = one_of(right, k), y = one_of(down, k), color = one_of(many, k);
-        const Vec one = cube ? sample_cube(texels, image, p, x, y)
-                             : sample_2d(texels, image, p.x, p.y, Pair { x.x, x.y }, Pair { y.x, y.y });
-        wp::index(eight, PACKET * i + k) = wp::vec3(color.x, color.y, color.z);
-        wp::index(single, PACKET * i + k) = wp::vec3(one.x, one.y, one.z);
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const Vec3 p = get_lane(place, k), x = get_lane(right, k), y = get_lane(down, k), color = get_lane(many, k);
+        const Vec3 one = cube ? sample_cube(texels, image, p, x, y)
+                             : sample_2d(texels, image, p.x, p.y, Float2 { x.x, x.y }, Float2 { y.x, y.y });
+        wp::index(eight, SIMD_WIDTH * i + k) = wp::vec3(color.x, color.y, color.z);
+        wp::index(single, SIMD_WIDTH * i + k) = wp::vec3(one.x, one.y, one.z);
     }
 """)
 def sample_eight(

@@ -28,14 +28,15 @@ class Found:
     Camera camera {};
     for (int k = 0; k < 3; ++k)
         camera.rotation.at[k][k] = 1.0f;
-    const auto look = load_look<255, Wanted<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
+    const auto look = load_appearance<255, ShadingNeeds<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
         shapes, materials, None {}, textures, meshes, fields, camera, 0.0f, 0, shape);
-    const Vec sight = to_vec(ray);
-    const Surface surface = surface_at<255>(look.pose, meshes, fields, face, to_vec(local), sight);
-    Facet facet;
-    facet_at<255>(look, meshes, surface, to_vec(local), facet);
-    const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, to_vec(step), to_vec(step));
-    const Vec direction = map_cube<255>(look.pose, look.layout, surface).direction;
+    const Vec3 sight = as_vec3(ray);
+    const SurfaceInteraction surface = surface_at<255>(look.pose, meshes, fields, face, as_vec3(local), sight);
+    GouraudTriangle facet;
+    facet_at<255>(look, meshes, surface, as_vec3(local), facet);
+    const Vec3 to_next = as_vec3(step);
+    const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, to_next, to_next);
+    const Vec3 direction = map_cube<255>(look.pose, look.layout, surface).direction;
     auto& one = wp::index(found, i);
     one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);
     one.weights = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
@@ -94,7 +95,7 @@ class Finish:
 
 
 @wp.func_native("""
-    const auto finish = warpcam::load_finish<true>(shapes, materials, world, shape);
+    const auto finish = warpcam::load_material<true>(shapes, materials, world, shape);
     auto& one = wp::index(finishes, world, shape);
     one.color = wp::vec3(finish.color.x, finish.color.y, finish.color.z);
     one.texture = finish.color.w;

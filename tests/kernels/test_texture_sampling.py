@@ -14,8 +14,8 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.func_native("""
     using namespace warpcam;
-    const Vec color = sample_2d(textures.texels.data, load_image(textures, 0), uv[0], uv[1], Pair { ddx[0], ddx[1] },
-                                Pair { ddy[0], ddy[1] });
+    const Vec3 color = sample_2d(textures.texels.data, load_image(textures, 0), uv[0], uv[1], Float2 { ddx[0], ddx[1] },
+                                Float2 { ddy[0], ddy[1] });
     wp::index(colors, i) = wp::vec3(color.x, color.y, color.z);
 """)
 def at_place(
@@ -25,8 +25,8 @@ def at_place(
 
 @wp.func_native("""
     using namespace warpcam;
-    const Vec color = sample_cube(textures.texels.data, load_image(textures, 0), to_vec(direction), to_vec(ddx),
-                                  to_vec(ddy));
+    const Vec3 color = sample_cube(textures.texels.data, load_image(textures, 0), as_vec3(direction), as_vec3(ddx),
+                                  as_vec3(ddy));
     wp::index(colors, i) = wp::vec3(color.x, color.y, color.z);
 """)
 def in_direction(

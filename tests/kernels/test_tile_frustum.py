@@ -11,7 +11,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.func_native("""
     using namespace warpcam;
-    Record record {};
+    ShapeRecord record {};
     record.axis_x = { turn.data[0][0], turn.data[0][1], turn.data[0][2], 0 };
     record.axis_y = { turn.data[1][0], turn.data[1][1], turn.data[1][2], 0 };
     record.axis_z = { turn.data[2][0], turn.data[2][1], turn.data[2][2], 0 };

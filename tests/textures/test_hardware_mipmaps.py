@@ -14,14 +14,14 @@ from warpcam.textures.pack import TextureImage, pack_textures
 @wp.func_native("""
     using namespace warpcam;
     const Image image = load_image(textures, 0);
-    const Vec exact = sample_level(textures.texels.data, image, place[0], place[1], step * step, 0.0f);
-    Vec shown = exact;
+    const Vec3 exact = sample_level(textures.texels.data, image, place[0], place[1], step * step, 0.0f);
+    Vec3 shown = exact;
 #if defined(__CUDA_ARCH__)
     if (wp::index(textures.mips, 0))
-        shown = look_up(wp::index(textures.mips, 0), place[0], place[1], logarithm2(step));
+        shown = look_up(wp::index(textures.mips, 0), place[0], place[1], log2(step));
 #endif
-    const Vec off = shown - exact;
-    wp::index(differences, i) = upper(upper(magnitude(off.x), magnitude(off.y)), magnitude(off.z));
+    const Vec3 off = shown - exact;
+    wp::index(differences, i) = max(max(abs(off.x), abs(off.y)), abs(off.z));
 """)
 def difference_at(
     textures: Textures, place: wp.vec2, step: wp.float32, i: wp.int32, differences: wp.array(dtype=wp.float32)

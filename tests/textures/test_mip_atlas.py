@@ -15,7 +15,7 @@ SIZES = [(1, 1), (64, 32), (7, 5), (1, 9), (300, 20)]
 
 @wp.func_native("""
     using namespace warpcam;
-    const Row row = cube ? level_of_cube_on_sheet(width, level) : level_on_sheet({ 0, width, height, 0 }, level);
+    const Float3Int row = cube ? level_of_cube_on_sheet(width, level) : level_on_sheet({ 0, width, height, 0 }, level);
     wp::index(rows, level) = wp::vec4(row.x, row.y, row.z, as_float(row.w));
 """)
 def place_of_level(
@@ -31,18 +31,18 @@ def places_of_levels(cube: wp.bool, width: wp.int32, height: wp.int32, rows: wp.
 @wp.func_native("""
     using namespace warpcam;
     const Image image = load_image(textures, 0);
-    const Vec right { step[0], 0.0f, 0.0f }, down { 0.0f, step[1], 0.0f }, to = to_vec(direction);
-    const Pair to_right { step[0], 0.0f }, to_below { 0.0f, step[1] };
-    const Vec exact = cube ? sample_cube(textures.texels.data, image, to, right, down)
+    const Vec3 right { step[0], 0.0f, 0.0f }, down { 0.0f, step[1], 0.0f }, to = as_vec3(direction);
+    const Float2 to_right { step[0], 0.0f }, to_below { 0.0f, step[1] };
+    const Vec3 exact = cube ? sample_cube(textures.texels.data, image, to, right, down)
                            : sample_2d(textures.texels.data, image, to.x, to.y, to_right, to_below);
-    Vec shown = exact;
+    Vec3 shown = exact;
 #if defined(__CUDA_ARCH__)
     const unsigned long long sheet = sheet_of(textures, 0);
     shown = cube ? sample_cube_sheet(sheet, image, to, right, down)
                  : sample_2d_sheet(sheet, image, to.x, to.y, to_right, to_below);
 #endif
-    const Vec off = shown - exact;
-    wp::index(differences, i) = upper(upper(magnitude(off.x), magnitude(off.y)), magnitude(off.z));
+    const Vec3 off = shown - exact;
+    wp::index(differences, i) = max(max(abs(off.x), abs(off.y)), abs(off.z));
 """)
 def difference_at(
     cube: wp.bool,

@@ -9,7 +9,7 @@ import warp as wp
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.update import poses
+from warpcam.kernels.update import poses as pose_kernels
 from warpcam.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("visible")
         with torch_interop.in_order(self.device):
             inputs = [array, groups, shapes]
-            wp.launch(poses.set_visible, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
+            wp.launch(pose_kernels.set_visible, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
             self._graph_source.finish_colors()
 
     def set_colors(self, paths: Sequence[str], colors: Any) -> None:
@@ -115,7 +115,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("colors")
         with torch_interop.in_order(self.device):
             inputs = [array, groups, shapes]
-            wp.launch(poses.set_colors, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
+            wp.launch(pose_kernels.set_colors, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
             self._graph_source.finish_colors()
 
     def set_textures(self, materials: Sequence[str], textures: Any) -> None:
@@ -146,7 +146,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("textures")
         with torch_interop.in_order(self.device):
             inputs = [array, self._materials[key], count]
-            wp.launch(poses.set_textures, (self.num_worlds, len(key)), inputs, [rows], device=self.device)
+            wp.launch(pose_kernels.set_textures, (self.num_worlds, len(key)), inputs, [rows], device=self.device)
 
     def set_time(self, time: float) -> None:
         """Bring all worlds to a time of the file, in its time codes: poses, visibility, sizes, lights, lenses."""
@@ -196,7 +196,7 @@ class DrivenScene(Scene):
         return self._groups[key]
 
     def _ancestors(self) -> list[frozenset[int]]:
-        """Of each frame itself and all above it."""
+        """Return, for each frame, itself and all frames above it."""
         above: list[frozenset[int]] = []
         for index, node in enumerate(self._graph_source.graph.nodes):
             above.append((above[node.parent] if node.parent >= 0 else frozenset()) | {index})

@@ -1,4 +1,4 @@
-"""Which reader a file is for."""
+"""Reader of a file, chosen by the file's extension."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -63,7 +63,9 @@ def load(
         from warpcam.sources.mujoco import batch_file
 
         put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device))
-        worlds: Scene = import_source("mujoco.device").load(put.host, put.model, put.data, transparency=transparency)
+        worlds: Scene = import_source("mujoco.device").load(
+            put.host, put.model, put.data, (0, 1, 2), transparency=transparency
+        )
         return worlds
     try:
         reader = import_module("warpcam.sources.files.mesh_file")

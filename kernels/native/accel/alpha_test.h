@@ -5,12 +5,12 @@
 
 namespace warpcam {
 
-// What a map must say at the least for a surface to be there; as long as that is no more than this, the map leaves out
-// only what cannot be seen, and the rest of it is looked up where the surface is shaded.
+// Least opacity at which a surface counts as present. Where a map asks for no more than this, the trace skips only what
+// cannot be seen, and shading looks the rest of the map up.
 constexpr float LEAST_SEEN = 1.0f / 255.0f;
 
 // The red of a texture at (u, v), in images, between its four nearest texels.
-WARPCAM_FN float red_at(const unsigned* texels, int width, int height, float u, float v)
+WARPCAM_DEVICE float red_at(const unsigned* texels, int width, int height, float u, float v)
 {
     const Between x = between_texels(fraction(u), width), y = between_texels(fraction(v), height);
     const int left = x.first < 0 ? width - 1 : x.first, right = x.first + 1 >= width ? 0 : x.first + 1;
@@ -21,24 +21,25 @@ WARPCAM_FN float red_at(const unsigned* texels, int width, int height, float u, 
     return (1.0f / 255.0f) * (above + y.on * (below - above));
 }
 
-// Is a face of a mesh there at `place`, in the mesh's frame? `cut`: only maps count that ask for more than can be seen.
+// Tests whether a face of a mesh is present at `place`, in the mesh's frame. `cut`: only maps whose threshold is above
+// LEAST_SEEN count.
 template <class Meshes>
-WARPCAM_FN bool unmasked(const Meshes& meshes, int mesh, int face, Vec place, bool cut)
+WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int mesh, int face, Vec3 place, bool cut)
 {
-    const Row mask = load(meshes.masks.data, mesh);
+    const Float3Int mask = load(meshes.masks.data, mesh);
     const int start = as_int(mask.x), width = as_int(mask.y), height = as_int(mask.z);
     const float least = as_float(mask.w);
     if (width == 0 || (cut && !(least > LEAST_SEEN)))
         return true;
     const unsigned row = unsigned(wp::index(meshes.face_start, mesh)) + unsigned(face * FACE_ROWS);
-    const Row first = load(meshes.faces.data, row);
-    const Vec origin = to_vec(first), away = place - origin;
-    const Vec edge1 = to_vec(load(meshes.faces.data, row + 1)) - origin;
-    const Vec edge2 = to_vec(load(meshes.faces.data, row + 2)) - origin;
-    const Vec normal = cross(edge1, edge2);
-    const float rate = reciprocal(upper(dot(normal, normal), TINY));
-    const float second = between(dot(cross(away, edge2), normal) * rate, 0.0f, 1.0f);
-    const float third = between(dot(cross(edge1, away), normal) * rate, 0.0f, 1.0f - second);
+    const Float3Int first = load(meshes.faces.data, row);
+    const Vec3 origin = as_vec3(first), away = place - origin;
+    const Vec3 edge1 = as_vec3(load(meshes.faces.data, row + 1)) - origin;
+    const Vec3 edge2 = as_vec3(load(meshes.faces.data, row + 2)) - origin;
+    const Vec3 normal = cross(edge1, edge2);
+    const float rate = rcp(max(dot(normal, normal), MIN_NORMAL));
+    const float second = clamp(dot(cross(away, edge2), normal) * rate, 0.0f, 1.0f);
+    const float third = clamp(dot(cross(edge1, away), normal) * rate, 0.0f, 1.0f - second);
     const int corner = 3 * (wp::index(meshes.corner_start, mesh) + first.w);
     const auto a = wp::index(meshes.uvs, corner), b = wp::index(meshes.uvs, corner + 1);
     const auto c = wp::index(meshes.uvs, corner + 2);
@@ -47,20 +48,20 @@ WARPCAM_FN bool unmasked(const Meshes& meshes, int mesh, int face, Vec place, bo
     return red_at(meshes.mask_texels.data + start, width, height, u, v) >= least;
 }
 
-// Is a face there where a ray, in the mesh's frame, meets it?
+// Tests whether a face is present where a ray, in the mesh's frame, intersects it.
 template <int TYPES, class Meshes>
-WARPCAM_FN bool is_there(const Meshes& meshes, const Record& record, const Ray& ray, int face, float t)
+WARPCAM_DEVICE bool is_there(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {
-    if constexpr ((TYPES >> MASKED & 1) != 0)
+    if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
         return unmasked(meshes, record.axis_z.w, face, ray.origin + t * ray.direction, false);
     return true;
 }
 
-// The same by cut-outs alone.
+// Tests presence as above, by cut-out maps alone.
 template <int TYPES, class Meshes>
-WARPCAM_FN bool is_not_cut(const Meshes& meshes, const Record& record, const Ray& ray, int face, float t)
+WARPCAM_DEVICE bool is_not_cut(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {
-    if constexpr ((TYPES >> MASKED & 1) != 0)
+    if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
         return unmasked(meshes, record.axis_z.w, face, ray.origin + t * ray.direction, true);
     return true;
 }

@@ -1,4 +1,4 @@
-// What the walks of triangle meshes share: traversal/mesh_closest_hit.h and shadow/mesh_any_hit.h on CUDA,
+// Parts shared by the traversals of triangle meshes: traversal/mesh_closest_hit.h and shadow/mesh_any_hit.h on CUDA,
 // accel/bvh4_simd.h on a CPU.
 #pragma once
 #include "geometry/triangle.h"
@@ -25,17 +25,17 @@ struct Hit {
 };
 
 // So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
-constexpr int faces_together(int types) { return types >> MOVING & 1 ? 2 : 1; }
+constexpr int faces_together(int types) { return types >> DEFORMING_MESHES & 1 ? 2 : 1; }
 
 // The i-th of them; behind the end the last is taken again.
-template <int TOGETHER> WARPCAM_FN int face_of(int begin, int i, int end)
+template <int TOGETHER> WARPCAM_DEVICE int face_of(int begin, int i, int end)
 {
-    return TOGETHER == 1 ? begin : lower_int(begin + i, end - 1);
+    return TOGETHER == 1 ? begin : min(begin + i, end - 1);
 }
 
 // Loads their corners; `first` is the mesh's first row.
 template <int TOGETHER>
-WARPCAM_FN void load_faces(const void* rows, unsigned first, int begin, int end, Row (&corners)[TOGETHER][3])
+WARPCAM_DEVICE void load_faces(const void* rows, unsigned first, int begin, int end, Float3Int (&corners)[TOGETHER][3])
 {
 #pragma unroll
     for (int i = 0; i < TOGETHER; ++i) {
@@ -46,16 +46,16 @@ WARPCAM_FN void load_faces(const void* rows, unsigned first, int begin, int end,
     }
 }
 
-// What a ray needs to test boxes: with t = plane * scale + near or far offset, lower planes are moved down and upper
-// planes up by more than all rounding of the camera's and the mesh's coordinates.
+// Ray constants for box tests, with t = plane * scale + offset. Offsets move lower planes down and upper planes up by
+// more than all rounding of the camera's and the mesh's coordinates.
 struct Slabs {
-    Vec scale, down, up;
+    Vec3 scale, down, up;
 };
 
-WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
+WARPCAM_DEVICE Slabs slabs(Vec3 o, Vec3 d, float extent)
 {
-    const Vec s { reciprocal(nonzero(d.x)), reciprocal(nonzero(d.y)), reciprocal(nonzero(d.z)) };
-    const float distance = magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent;
+    const Vec3 s { rcp(avoid_zero(d.x)), rcp(avoid_zero(d.y)), rcp(avoid_zero(d.z)) };
+    const float distance = abs(o.x) + abs(o.y) + abs(o.z) + extent;
     const float pad = 1.0e-6f * distance;
     return { s,
              { -(o.x + pad) * s.x, -(o.y + pad) * s.y, -(o.z + pad) * s.z },
@@ -64,19 +64,20 @@ WARPCAM_FN Slabs slabs(Vec o, Vec d, float extent)
 
 #if defined(__CUDA_ARCH__)
 
-// Are a scene's nodes child after child, of each the lower and the upper corner of its box? So they are where meshes
-// move, as children write their boxes. Else their bounds are whole numbers of 16 bits: see Meshes.nodes.
-constexpr bool by_child(int types) { return types >> MOVING & 1; }
+// True if nodes store one child after another, each with the lower and upper corner of its box. Scenes with moving
+// meshes store nodes so, as children write their own boxes. Other scenes store bounds as whole numbers of 16 bits: see
+// Meshes.nodes.
+constexpr bool by_child(int types) { return types >> DEFORMING_MESHES & 1; }
 
 // The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative
 // ones, which are below all others in no order of their own.
-WARPCAM_FN float greatest(float a, float b, float c)
+WARPCAM_DEVICE float greatest(float a, float b, float c)
 {
-    return as_float(upper_int(upper_int(as_int(a), as_int(b)), as_int(c)));
+    return as_float(max(max(as_int(a), as_int(b)), as_int(c)));
 }
-WARPCAM_FN float least(float a, float b, float c)
+WARPCAM_DEVICE float least(float a, float b, float c)
 {
-    return as_float(lower_int(lower_int(as_int(a), as_int(b)), as_int(c)));
+    return as_float(min(min(as_int(a), as_int(b)), as_int(c)));
 }
 
 // A ray as the nodes of one mesh see it.
@@ -84,21 +85,21 @@ template <bool BY_CHILD> struct NodeRay {
     static constexpr int ROWS = NODE_ROWS;
     Slabs s;
 
-    WARPCAM_FN void set(Vec o, Vec d, float extent) { s = slabs(o, d, extent); }
+    WARPCAM_DEVICE void set(Vec3 o, Vec3 d, float extent) { s = slabs(o, d, extent); }
 
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
-    WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
-            const Row low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
+            const Float3Int low = load(rows, 2 * k), high = load(rows, 2 * k + 1);
             const float x0 = low.x * s.scale.x + s.down.x, x1 = high.x * s.scale.x + s.up.x;
             const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
             const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
-            enter[k] = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
-            leave[k] = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+            enter[k] = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near));
+            leave[k] = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), depth));
             child[k] = low.w;
         }
     }
@@ -110,16 +111,16 @@ template <> struct NodeRay<false> {
     // A bound as the lowest bits of this number is a whole one, greater by 2^23.
     static constexpr unsigned WHOLE = 0x4b000000;
     static constexpr float MIDDLE = 8388608.0f + float(MIDDLE_BOUND);
-    Vec scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
+    Vec3 scale, in, out;  // t = (2^23 + bound) * scale + in or out, see Slabs
     unsigned ways, way_z;  // first_of() each axis, y's in the upper half
 
-    // As slabs() has it, of a mesh whose Record::size.x is `extent`.
-    WARPCAM_FN void set(Vec o, Vec d, float extent)
+    // Sets the ray up, as slabs() does, for a mesh whose ShapeRecord::size.x is `extent`.
+    WARPCAM_DEVICE void set(Vec3 o, Vec3 d, float extent)
     {
         const float cell = extent * BOUND_CELL;
-        const float pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
+        const float pad = 1.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z) + extent);
         const auto along = [&](float from, float direction, float& by, float& first, float& last) {
-            const float s = reciprocal(nonzero(direction)), aside = pad * magnitude(s);
+            const float s = rcp(avoid_zero(direction)), aside = pad * abs(s);
             by = cell * s;
             first = (-from * s - aside) - MIDDLE * by;
             last = (-from * s + aside) - MIDDLE * by;
@@ -131,10 +132,11 @@ template <> struct NodeRay<false> {
         way_z = first_of(scale.z);
     }
 
-    // Which bytes of a word and of WHOLE make the plane met first: the word has the lower one in its lower half.
-    WARPCAM_FN static unsigned first_of(float scale) { return 0x7610u ^ (unsigned(as_int(scale) >> 31) & 0x22u); }
+    // Byte selector, for a word and WHOLE, of the plane that the ray meets first: the word has the lower plane in its
+    // lower half.
+    WARPCAM_DEVICE static unsigned first_of(float scale) { return 0x7610u ^ (unsigned(as_int(scale) >> 31) & 0x22u); }
 
-    WARPCAM_FN static void times(const Row& planes, unsigned which, float scale, float offset, float (&t)[4])
+    WARPCAM_DEVICE static void mul(const Float3Int& planes, unsigned which, float scale, float offset, float (&t)[4])
     {
         const int words[4] = { as_int(planes.x), as_int(planes.y), as_int(planes.z), planes.w };
 #pragma unroll
@@ -142,23 +144,23 @@ template <> struct NodeRay<false> {
             t[k] = as_float(__byte_perm(words[k], WHOLE, which)) * scale + offset;
     }
 
-    // The same; `near` is not negative.
-    WARPCAM_FN void meet(const Row* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+    // Tests the four children likewise; `near` is not negative.
+    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
                          int (&child)[4]) const
     {
         const unsigned x = ways, y = ways >> 16, z = way_z;
-        const Row planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2),
+        const Float3Int planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2),
                   children = load(rows, 3);
         float tx[4], ty[4], tz[4];
-        times(planes_x, x, scale.x, in.x, tx);
-        times(planes_y, y, scale.y, in.y, ty);
-        times(planes_z, z, scale.z, in.z, tz);
+        mul(planes_x, x, scale.x, in.x, tx);
+        mul(planes_y, y, scale.y, in.y, ty);
+        mul(planes_z, z, scale.z, in.z, tz);
 #pragma unroll
         for (int k = 0; k < 4; ++k)
             enter[k] = greatest(greatest(tx[k], ty[k], tz[k]), near, near);
-        times(planes_x, x ^ 0x22u, scale.x, out.x, tx);
-        times(planes_y, y ^ 0x22u, scale.y, out.y, ty);
-        times(planes_z, z ^ 0x22u, scale.z, out.z, tz);
+        mul(planes_x, x ^ 0x22u, scale.x, out.x, tx);
+        mul(planes_y, y ^ 0x22u, scale.y, out.y, ty);
+        mul(planes_z, z ^ 0x22u, scale.z, out.z, tz);
 #pragma unroll
         for (int k = 0; k < 4; ++k)
             leave[k] = least(least(tx[k], ty[k], tz[k]), depth, depth);
@@ -169,9 +171,9 @@ template <> struct NodeRay<false> {
     }
 };
 
-template <int TYPES, class Meshes> WARPCAM_FN const Row* node_rows(const Meshes& meshes, unsigned nodes, int node)
+template <int TYPES, class Meshes> WARPCAM_DEVICE const Float3Int* node_rows(const Meshes& meshes, unsigned nodes, int node)
 {
-    return reinterpret_cast<const Row*>(meshes.nodes.data)
+    return reinterpret_cast<const Float3Int*>(meshes.nodes.data)
         + (nodes + unsigned(node * NodeRay<by_child(TYPES)>::ROWS));
 }
 

@@ -22,16 +22,16 @@ inline Float4 muladd4(Float4 a, float b, float c)
 #endif
 }
 
-inline Float4 load4(const float* from)
+inline Float4 load_float4(const float* from)
 {
     Float4 r;
     __builtin_memcpy(&r, from, sizeof r);
     return r;
 }
 
-inline void store4(int* to, Int4 a) { __builtin_memcpy(to, &a, sizeof a); }
+inline void store_float4(int* to, Int4 a) { __builtin_memcpy(to, &a, sizeof a); }
 
-// How many elements are true (all ones)?
+// Counts the elements that are true (all ones).
 inline int count_of(Int4 truth)
 {
 #if defined(__x86_64__)
@@ -64,18 +64,18 @@ inline Int4 pick4(Int4 from, Int4 at)
 #endif
 }
 
-// As Corner and project() of geometry/triangle.h, for eight faces.
+// Projected vertices of eight faces: Corner and project() of geometry/triangle.h as a packet.
 struct Corners {
-    Floats x, y, along;
+    Float8 x, y, along;
 };
 
-inline Floats edges(const Corners& a, const Corners& b)
+inline Float8 edges(const Corners& a, const Corners& b)
 {
 #pragma clang fp contract(off)
     return a.x * b.y - a.y * b.x;
 }
 
-// Which sides of faces a ray meets: fronts; backs, too, of those that have one; both of all.
+// Sides of faces that a ray intersects: fronts; also backs of faces that have a back; or both sides of all faces.
 enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 
 template <int TYPES, bool ANY>
@@ -84,21 +84,21 @@ constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
 
 // Rays at one mesh, by number.
 struct MeshRays {
-    static constexpr int ROOM = STACK + 5;  // with what ends it, and three that a step writes too many
+    static constexpr int STACK_CAPACITY = STACK + 5;  // with what ends it, and three that a step writes too many
     static constexpr int NODE = 4 * NODE_ROWS, FACE = 4 * FACE_ROWS;  // floats
-    static constexpr int FEW = 4;  // so many rays are enough to walk side by side
+    static constexpr int INTERLEAVED_RAYS = 4;  // so many rays are enough to walk side by side
 
     const float *nodes, *faces;
-    float scale[3][LANES], in[3][LANES], out[3][LANES];  // see Slabs; which of a box's planes is met first is known
-    int first[3][LANES];                                 // rows from a node's lower planes to these
-    float frame[12][LANES];                              // see RayFrame
-    float near[LANES], depth[LANES];
-    int face[LANES];  // the nearest so far, or -1
-    // What waits, the nearest on top: children of nodes, and bits of where the ray enters them, less the two lowest. At
-    // the bottom is 0, which is no child.
-    int height[LANES];
-    int child[LANES][ROOM], entry[LANES][ROOM];
-    int walking[LANES + 1], at_leaf[LANES + 1];  // rays whose next is a node, or a leaf
+    float scale[3][WARP_SIZE], in[3][WARP_SIZE], out[3][WARP_SIZE];  // see Slabs; which of a box's planes is met first is known
+    int first[3][WARP_SIZE];                                 // rows from a node's lower planes to these
+    float frame[12][WARP_SIZE];                              // see RayFrame
+    float near[WARP_SIZE], depth[WARP_SIZE];
+    int face[WARP_SIZE];  // the nearest so far, or -1
+    // Traversal stacks, nearest entry on top: children of nodes, and the bits of the entry distance without the lowest
+    // two. The bottom holds 0, which is no child.
+    int height[WARP_SIZE];
+    int child[WARP_SIZE][STACK_CAPACITY], entry[WARP_SIZE][STACK_CAPACITY];
+    int walking[WARP_SIZE + 1], at_leaf[WARP_SIZE + 1];  // rays whose next is a node, or a leaf
     int num_walking, num_at_leaf;
 
     MeshRays(const float* nodes, const float* faces): nodes(nodes), faces(faces), num_walking(0), num_at_leaf(0) { }
@@ -120,14 +120,14 @@ struct MeshRays {
 
     // Eight rays, `first_ray` and those after it, through slabs and frames as those of accel/bvh4.h and
     // camera/shape_record.h.
-    void put_eight(int first_ray, Vecs o, Vecs d, float extent, const Vecs (&rows)[3], Floats from, Floats to)
+    void put_eight(int first_ray, Vec3x8 o, Vec3x8 d, float extent, const Vec3x8 (&rows)[3], Float8 from, Float8 to)
     {
-        const Floats pad = 1.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z) + extent);
-        const Floats from_origin[3] = { o.x, o.y, o.z }, along[3] = { d.x, d.y, d.z };
+        const Float8 pad = 1.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z) + extent);
+        const Float8 from_origin[3] = { o.x, o.y, o.z }, along[3] = { d.x, d.y, d.z };
         for (int axis = 0; axis < 3; ++axis) {
-            const Floats rate = reciprocal(nonzero(along[axis]));
-            const Floats down = -(from_origin[axis] + pad) * rate, up = -(from_origin[axis] - pad) * rate;
-            const Ints back = rate < 0.0f;
+            const Float8 rate = rcp(avoid_zero(along[axis]));
+            const Float8 down = -(from_origin[axis] + pad) * rate, up = -(from_origin[axis] - pad) * rate;
+            const Int8 back = rate < 0.0f;
             put(scale[axis] + first_ray, rate);
             put(in[axis] + first_ray, back ? up : down);
             put(out[axis] + first_ray, back ? down : up);
@@ -143,7 +143,7 @@ struct MeshRays {
 
     template <class Value, class Values> static void put(Value* to, Values values)
     {
-        static_assert(sizeof values == PACKET * sizeof(Value));
+        static_assert(sizeof values == SIMD_WIDTH * sizeof(Value));
         __builtin_memcpy(to, &values, sizeof values);
     }
 
@@ -162,8 +162,8 @@ struct MeshRays {
     {
         const int top = height[ray];
         const float* rows = nodes + size_t(unsigned(child[ray][top])) * NODE;
-        const auto planes = [&](int axis, int row, const float (&offset)[3][LANES]) {
-            return muladd4(load4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
+        const auto planes = [&](int axis, int row, const float (&offset)[3][WARP_SIZE]) {
+            return muladd4(load_float4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
         };
         const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
         const Float4 enter = upper4(upper4(planes(0, x, in), planes(1, y, in)),
@@ -172,8 +172,8 @@ struct MeshRays {
                                     lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
         const Int4 met = enter <= leave;
         const Int4 keys = sorted4(((Int4)enter & 0x7ffffffc) | Int4 { 0, 1, 2, 3 } | ~met);
-        store4(child[ray] + top, pick4((Int4)load4(rows + 4 * 6), keys));
-        store4(entry[ray] + top, keys);
+        store_float4(child[ray] + top, pick4((Int4)load_float4(rows + 4 * 6), keys));
+        store_float4(entry[ray] + top, keys);
         height[ray] = top + count_of(met) - 1;
         return child[ray][height[ray]];
     }
@@ -182,34 +182,34 @@ struct MeshRays {
     template <Sides SIDES, class There> void test_leaf(int ray, const There& there)
     {
         const int code = -child[ray][height[ray]] - 1, begin = code >> 4, end = begin + (code & 15);
-        const auto of_frame = [&](int k) { return (Floats)frame[k][ray]; };
-        for (int number = begin; number < end; number += PACKET) {
-            const float* rows[PACKET];
-            for (int k = 0; k < PACKET; ++k)
-                rows[k] = faces + size_t(unsigned(lower_int(number + k, end - 1))) * FACE;
+        const auto of_frame = [&](int k) { return (Float8)frame[k][ray]; };
+        for (int number = begin; number < end; number += SIMD_WIDTH) {
+            const float* rows[SIMD_WIDTH];
+            for (int k = 0; k < SIMD_WIDTH; ++k)
+                rows[k] = faces + size_t(unsigned(min(number + k, end - 1))) * FACE;
             Corners corners[3];
-            Ints both = -1;
+            Int8 both = -1;
             for (int corner = 0; corner < 3; ++corner) {
 #pragma clang fp contract(off)
-                const Columns at = columns_of(rows, 4 * corner);
-                const Floats x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
+                const Float8x4 at = columns_of(rows, 4 * corner);
+                const Float8 x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
                 corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
                                     of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
                                     of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
                 if (SIDES == FRONTS_AND_MARKED && corner == 1)
-                    both = (Ints)at.d != 0;
+                    both = (Int8)at.d != 0;
             }
-            const Floats wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
-            const Floats wb = edges(corners[2], corners[0]), total = wa + wb + wc;
-            const Floats none = 0.0f;
-            Ints inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
+            const Float8 wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
+            const Float8 wb = edges(corners[2], corners[0]), total = wa + wb + wc;
+            const Float8 none = 0.0f;
+            Int8 inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
             if constexpr (SIDES != FRONTS)
                 inside |= both & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
-            if (!any_of(inside))
+            if (!any(inside))
                 continue;
-            const Floats t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
-            for (unsigned left = bits_of(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
-                const int k = lowest_bit(left), met = lower_int(number + k, end - 1);
+            const Float8 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+            for (unsigned left = movemask(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
+                const int k = ctz(left), met = min(number + k, end - 1);
                 if (t[k] < depth[ray] && there(ray, met, t[k])) {
                     depth[ray] = t[k];
                     face[ray] = met;
@@ -248,7 +248,7 @@ struct MeshRays {
     template <Sides SIDES, bool ANY, class There> void walk(const There& there)
     {
         while (num_walking + num_at_leaf > 0) {
-            if (num_walking >= FEW || num_at_leaf == 0) {
+            if (num_walking >= INTERLEAVED_RAYS || num_at_leaf == 0) {
                 const int count = num_walking;
                 num_walking = 0;
                 for (int i = 0; i < count; ++i) {
@@ -282,40 +282,40 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
 // The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
 // are found together.
 template <int TYPES, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
-inline void trace_mesh(const Meshes& meshes, const Record& record, const Near& near, Rays& rays)
+inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Near& near, Rays& rays)
 {
-    const Record r = record;
+    const ShapeRecord r = record;
     const int mesh = r.axis_z.w;
     const auto low = wp::index(meshes.lower, mesh), high = wp::index(meshes.upper, mesh);
     const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
     const auto slabs_of = [&](int lane) {
-        const Ray ray = ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
+        const Ray ray = CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
         return slabs(ray.origin, ray.direction, r.size.x);
     };
-    int met[LANES], any = 0;
-    for (int lane = 0; lane < LANES; ++lane) {
+    int met[WARP_SIZE], any = 0;
+    for (int lane = 0; lane < WARP_SIZE; ++lane) {
         const Slabs s = slabs_of(lane);
         const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
         const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
         const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
-        const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near.at(lane)));
-        const float leave = lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), rays.depth[lane]));
+        const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near.at(lane)));
+        const float leave = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), rays.depth[lane]));
         met[lane] = enter <= leave;
         any |= met[lane];
     }
     if (!any)
         return;
     MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
-    for (int lane = 0; lane < LANES; ++lane)
-        walk.put(lane, slabs_of(lane), ViewRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<TYPES>(r),
+    for (int lane = 0; lane < WARP_SIZE; ++lane)
+        walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<TYPES>(r),
                  near.at(lane), rays.depth[lane]);
-    for (int lane = 0; lane < LANES; ++lane)
+    for (int lane = 0; lane < WARP_SIZE; ++lane)
         if (met[lane])
             walk.start(lane);
     walk.walk<SIDES_OF<TYPES, false>, ANY>([&](int lane, int face, float t) {
-        return is_there<TYPES>(meshes, r, ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
+        return is_there<TYPES>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
     });
-    for (int lane = 0; lane < LANES; ++lane)
+    for (int lane = 0; lane < WARP_SIZE; ++lane)
         if (met[lane] && walk.face[lane] >= 0) {
             rays.depth[lane] = walk.depth[lane];
             rays.shape[lane] = r.axis_y.w;

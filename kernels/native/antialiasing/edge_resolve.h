@@ -20,8 +20,8 @@ namespace warpcam {
 // Pixels with edges that a block lists before it traces. A warp lists up to 32 after it has seen that there is room.
 constexpr int LISTED = 896;
 
-// Of a region; where it is placed the compiler knows them, and all are counted.
-template <class Centres> WARPCAM_FN int tiles_across(const Region& region)
+// Tiles across a region; for cached regions the compiler knows the number, and partial tiles count.
+template <class Centres> WARPCAM_DEVICE int tiles_across(const Region& region)
 {
     if constexpr (Centres::PLACED)
         return Centres::WIDTH / TILE_WIDTH;
@@ -30,40 +30,40 @@ template <class Centres> WARPCAM_FN int tiles_across(const Region& region)
 
 // Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
 template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
-WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
-    constexpr int WARPS = THREADS / LANES;
+    constexpr int WARPS = THREADS / WARP_SIZE;
     constexpr int MOST_LISTED = IN_PLACE ? LISTED_IN_PLACE : LISTED;
     WARPCAM_SHARED ListedPixel<TYPES> listed[MOST_LISTED];
     WARPCAM_SHARED Waiting means_waiting;
     WARPCAM_SHARED int count;
-    WARPCAM_SHARED Chunk<TYPES> chunk;
+    WARPCAM_SHARED SampleBatch<TYPES> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
     if constexpr (Centres::PLACED) {
         list.clear();
-        block_barrier();
+        block_sync();
         centres.list(list);
-        block_barrier();
+        block_sync();
         ahead = list.count <= NEAR_SHAPES;
         if (!ahead)
-            block_barrier();
+            block_sync();
     }
-    const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
+    const EdgeTester<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     const auto& target = centres.target;
-    const int lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+    const int lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE;
     const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
     const auto has_room = [](const int& listed) {
-        return __any_sync(ALL, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
+        return __any_sync(FULL_WARP, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
     const int across = tiles_across<Centres>(region);
     const int tiles = across * (region.height / TILE_HEIGHT);
-    static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= LANES * WARPS, "a bit for each of a warp's tiles");
+    static_assert(64 / TILE_WIDTH * (64 / TILE_HEIGHT) <= WARP_SIZE * WARPS, "a bit for each of a warp's tiles");
     unsigned left = tiles_with_shapes(centres, region, across, tiles);
-    left &= tiles <= warp ? 0 : ~0u >> (LANES - (tiles - warp + WARPS - 1) / WARPS);
+    left &= tiles <= warp ? 0 : ~0u >> (WARP_SIZE - (tiles - warp + WARPS - 1) / WARPS);
     // In place all edges are looked for before a pixel is written or, if they are too many, those of a band of rows of
     // tiles: of these no pixel but the last row's is seen by the next band's.
     const unsigned whole = left;
@@ -72,10 +72,10 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     int band_end = rows;
     const auto next_band = [&](int begin) {
         in_bands = true;
-        band_end = lower_int(begin + BAND, rows);
+        band_end = min(begin + BAND, rows);
         unsigned its = 0;
 #pragma unroll 1
-        for (int k = 0; k < LANES; ++k) {
+        for (int k = 0; k < WARP_SIZE; ++k) {
             const int row = (warp + k * WARPS) / across;
             its |= unsigned(row >= begin && row < band_end) << k;
         }
@@ -88,17 +88,17 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             count = 0;
         if (!ahead)
             list.clear();
-        block_barrier();
+        block_sync();
         for (; left && has_room(count); left &= left - 1) {
             // a warp's tiles lie aslant: what is upright is everyone's
-            const int tile = warp + lowest_bit(left) * WARPS, row = tile / across, column = (tile + row) % across;
+            const int tile = warp + ctz(left) * WARPS, row = tile / across, column = (tile + row) % across;
             const int i = region.left + column * TILE_WIDTH + lane % TILE_WIDTH;
             const int j = region.top + row * TILE_HEIGHT + lane / TILE_WIDTH;
             const bool inside = i < target.width && j < target.height;
             const unsigned samples = inside ? seen.template edge<IMAGES>(i, j, sided) : 0;
-            const unsigned found = __ballot_sync(ALL, samples != 0);
+            const unsigned found = __ballot_sync(FULL_WARP, samples != 0);
             if (found) {
-                const int begin = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
+                const int begin = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
                 if (samples)
                     listed[begin + __popc(found & ((1u << lane) - 1))]
                         = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
@@ -114,7 +114,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const int found_so_far = count;
         const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
-            pixels = lower_int(found_so_far - from, (found_so_far + chunks - 1) / chunks);
+            pixels = min(found_so_far - from, (found_so_far + chunks - 1) / chunks);
             while (!ahead) {  // fewer, until they do not show too many shapes
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
@@ -127,13 +127,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                         before = id;
                     }
                 }
-                block_barrier();
+                block_sync();
                 if (list.count <= NEAR_SHAPES)
                     break;
                 pixels = (pixels + 1) / 2;
-                block_barrier();
+                block_sync();
                 list.clear();
-                block_barrier();
+                block_sync();
             }
             if (threadIdx.x == 0) {
                 chunk.pixels = listed + from;
@@ -142,13 +142,13 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
             if (!ahead || from == 0)
                 list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
             else
-                block_barrier();
+                block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS)
                 list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
-            block_barrier();
+            block_sync();
             trace_samples<TYPES, LENS, IMAGES>(chunk, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
                                                region);
-            block_barrier();
+            block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
                 const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
                 if constexpr (IN_PLACE) {
@@ -166,7 +166,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
                 break;  // each thread goes on with the pixels that it has just done
             if (!ahead)
                 list.clear();
-            block_barrier();
+            block_sync();
         }
         if constexpr (IN_PLACE) {
             static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
@@ -180,11 +180,11 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
     }
 }
 
-// The same, before there is a barrier after which `camera` is there. What the trace has found is kept in shared memory
-// where little else has to lie there.
+// Resolves edges likewise, before the barrier after which `camera` is valid. Trace results stay in shared memory where
+// it has room for them.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Target>
-WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                               const Target& target, const Camera& camera, const Region& region, int world)
 {
     const unsigned first = unsigned(world) * target.height * target.width;  // of the view's pixels
@@ -195,21 +195,21 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
         const Placed centres { ids, target, region.left - ids.ASIDE, region.top - 1, first };
         smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
-        const ImageCentres<Target> centres { target, first };
-        block_barrier();
+        const PixelSource<Target> centres { target, first };
+        block_sync();
         smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        using Kept = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
+        using Kept = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
         const Kept kept { room, target, region.left - 1, region.top - 1, first };
         if constexpr (sizeof(room.ids[0]) == 1) {
             WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
-            using Smoother = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
-            Smoother::clear(edges, shapes);
+            using EdgeResolver = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            EdgeResolver::clear(edges, shapes);
             kept.load();
-            const Seen<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
-            Smoother { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
+            const EdgeTester<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            EdgeResolver { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
             smooth_region<TYPES, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
@@ -223,7 +223,7 @@ WARPCAM_FN void smooth_region(const Shapes& shapes, const Meshes& meshes, const 
 // threads of the block.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
+WARPCAM_DEVICE void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
                        const Target& target, int index)
 {
     alignas(16) WARPCAM_SHARED Camera camera;

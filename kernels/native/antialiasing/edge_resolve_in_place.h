@@ -7,7 +7,7 @@
 namespace warpcam {
 
 // Pixels with edges that a block lists, and of how many rows of tiles of a region all pixels surely fit.
-constexpr int LISTED_IN_PLACE = 1560, BAND = (LISTED_IN_PLACE - THREADS + LANES) / (64 * TILE_HEIGHT);
+constexpr int LISTED_IN_PLACE = 1560, BAND = (LISTED_IN_PLACE - THREADS + WARP_SIZE) / (64 * TILE_HEIGHT);
 
 // Means of pixels that wait until nobody reads what they showed before, where images are smoothed in place: those of a
 // band's last row until the next band is done.
@@ -17,8 +17,9 @@ struct Waiting {
     int count;
 };
 
-// What a pixel's samples show, beside its place, in the bits of a ListedPixel whose samples have been traced.
-WARPCAM_FN unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
+// Packs what a pixel's samples show, with the pixel's position, into the bits of a ListedPixel whose samples are
+// traced.
+WARPCAM_DEVICE unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
 {
     unsigned bits = unsigned(place) << 4 * SAMPLES;
     for (int sample = 0; sample < SAMPLES; ++sample)
@@ -29,8 +30,8 @@ WARPCAM_FN unsigned shown_bits(int place, const unsigned char (&shown)[SAMPLES])
 // Writes the means of these pixels; `means` has room for them. Their band ends where the row `end` begins, and is the
 // last of the region if `last`; `end` is 0 where there are no bands. With barriers, but after the last band.
 template <int IMAGES, int LENS, class Bits, class Centres>
-WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Waiting& waiting, int end, bool last,
-                             const Seen<LENS, Centres>& seen, const Region& region)
+WARPCAM_DEVICE void put_in_place(const Bits* listed, int count, unsigned* means, Waiting& waiting, int end, bool last,
+                             const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     const auto& target = seen.centres.target;
     const auto index = [&](unsigned place) {
@@ -45,15 +46,15 @@ WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Wai
                                      int(bits >> 4 * sample & 15));
         means[k] = mean_bytes<IMAGES>(seen.centres, by);
     }
-    block_barrier();
+    block_sync();
     if (end > 0) {
 #pragma unroll 1
         for (int k = threadIdx.x; k < waiting.count; k += THREADS)
             put_bytes<IMAGES>(target, index(waiting.places[k]), waiting.means[k]);
-        block_barrier();
+        block_sync();
         if (threadIdx.x == 0)
             waiting.count = 0;
-        block_barrier();
+        block_sync();
     }
 #pragma unroll 1
     for (int k = threadIdx.x; k < count; k += THREADS) {
@@ -67,7 +68,7 @@ WARPCAM_FN void put_in_place(const Bits* listed, int count, unsigned* means, Wai
         }
     }
     if (!last)
-        block_barrier();
+        block_sync();
 }
 
 }  // namespace warpcam

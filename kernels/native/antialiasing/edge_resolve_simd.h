@@ -16,12 +16,12 @@ typedef int IntQuad __attribute__((ext_vector_type(SAMPLES)));
 
 // From where on the rays see one shape: nowhere if they are not to be traced.
 struct OwnNear {
-    float own[LANES];
+    float own[WARP_SIZE];
 
     float at(int lane) const { return own[lane]; }
 };
 
-// A pixel with an edge. Pixels around it are bits by number, see ImageCentres::around().
+// A pixel with an edge. Pixels around it are bits by number, see PixelSource::around().
 struct Edge {
     struct Shape {
         short slot;
@@ -44,10 +44,10 @@ struct SampleHits {
 
 // The shapes that are seen around some pixels.
 struct ShapesAround {
-    static constexpr unsigned ROOM = 4 * SHAPES_TOGETHER;
-    Record records[SHAPES_TOGETHER];
+    static constexpr unsigned SIZE = 4 * SHAPES_TOGETHER;
+    ShapeRecord records[SHAPES_TOGETHER];
     int ids[SHAPES_TOGETHER], pixels[SHAPES_TOGETHER];  // how many see it
-    short table[ROOM];  // slots by a hash of their shape; -1: free
+    short table[SIZE];  // slots by a hash of their shape; -1: free
     int count;
 
     void clear()
@@ -59,8 +59,8 @@ struct ShapesAround {
 
     int find(int id)
     {
-        unsigned at = (unsigned(id) * 0x9e3779b1u >> 16) % ROOM;
-        for (; table[at] >= 0; at = (at + 1) % ROOM)
+        unsigned at = (unsigned(id) * 0x9e3779b1u >> 16) % SIZE;
+        for (; table[at] >= 0; at = (at + 1) % SIZE)
             if (ids[table[at]] == id)
                 return table[at];
         table[at] = short(count);
@@ -71,13 +71,13 @@ struct ShapesAround {
 };
 
 template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
-struct Smoother {
+struct EdgeResolver {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
 
     const Shapes& shapes;
     const Meshes& meshes;
     const HeightFields& fields;
-    const Seen<LENS, Centres>& seen;
+    const EdgeTester<LENS, Centres>& seen;
     const Camera& camera;
     const Region& region;
     int world;
@@ -88,8 +88,8 @@ struct Smoother {
     SampleHits hits[EDGES_TOGETHER];
     short sorted[AROUND * EDGES_TOGETHER];  // the pixels around which shapes are seen, shape after shape
 
-    Smoother(const Shapes& shapes_, const Meshes& meshes_, const HeightFields& fields_,
-             const Seen<LENS, Centres>& seen_, const Camera& camera_, const Region& region_, int world_)
+    EdgeResolver(const Shapes& shapes_, const Meshes& meshes_, const HeightFields& fields_,
+             const EdgeTester<LENS, Centres>& seen_, const Camera& camera_, const Region& region_, int world_)
         : shapes(shapes_), meshes(meshes_), fields(fields_), seen(seen_), camera(camera_), region(region_),
           world(world_)
     {
@@ -116,7 +116,7 @@ struct Smoother {
         find_shapes(edge);
         SampleHits& its = hits[count++];
         for (int sample = 0; sample < SAMPLES; ++sample) {
-            const ViewRay<LENS> ray = sample_ray<LENS>(camera, i, j, sample);
+            const CameraRay<LENS> ray = sample_ray<LENS>(camera, i, j, sample);
             its.x[sample] = ray.x;
             its.y[sample] = ray.y;
         }
@@ -124,7 +124,7 @@ struct Smoother {
         its.shape = its.face = -1;
     }
 
-    // What is seen around a pixel.
+    // Finds the shapes seen around a pixel.
     void find_shapes(Edge& edge)
     {
         const NineIds nine = seen.centres.nine_ids(edge.i, edge.j);
@@ -133,7 +133,7 @@ struct Smoother {
         bool several = false;
         edge.on_meshes = edge.on_fields = NOWHERE;
         for (unsigned left = (1u << AROUND) - 1; left;) {
-            const int id = nine[lowest_bit(left)];
+            const int id = nine[ctz(left)];
             const unsigned own = nine.which_are(id), pixels = own & nine.inside;
             left &= ~own;
             if (id < 0) {
@@ -147,7 +147,7 @@ struct Smoother {
                 const int type = wp::index(shapes.types, id);
                 Band& band = type == MESH ? edge.on_meshes : type == HEIGHT_FIELD ? edge.on_fields : others;
                 for (unsigned its = pixels; its; its &= its - 1)
-                    band.include(seen.depth(seen.around(edge.i, edge.j, lowest_bit(its))));
+                    band.include(seen.depth(seen.around(edge.i, edge.j, ctz(its))));
                 several |= type == HEIGHT_FIELD && ground != 0;
                 ground = type == HEIGHT_FIELD ? pixels : ground;
             }
@@ -166,7 +166,7 @@ struct Smoother {
 
     // Makes the records of the shapes around; their slots as they are to be traced: meshes and height fields last, and
     // as NearShapes::prepare_all() has them.
-    int prepare(short* order)
+    int setup_shape(short* order)
     {
         float keys[SHAPES_TOGETHER];
         int ranks = 0;
@@ -175,7 +175,7 @@ struct Smoother {
             return type == MESH ? 2 : type == HEIGHT_FIELD ? 1 : 0;
         };
         for (int slot = 0; slot < around.count; ++slot) {
-            Record& record = around.records[slot];
+            ShapeRecord& record = around.records[slot];
             if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, around.ids[slot], record))
                 continue;
             record.axis_y.w = slot;
@@ -194,7 +194,7 @@ struct Smoother {
     }
 
     // Traces the samples of a few pixels against one shape.
-    void trace(const Record& record, const short* pixels, int some)
+    void trace(const ShapeRecord& record, const short* pixels, int some)
     {
         const int type = record.axis_x.w;
         const bool mesh = HAS_MESH && type == MESH, field = HAS_FIELD && type == HEIGHT_FIELD;
@@ -207,14 +207,14 @@ struct Smoother {
             __builtin_memcpy(&its, of + n * SAMPLES, sizeof its);
             return its;
         };
-        for (int n = 0; n < LANES / SAMPLES; ++n) {
-            const Edge& edge = edges[pixels[lower_int(n, some - 1)]];
-            const SampleHits& its = hits[pixels[lower_int(n, some - 1)]];
+        for (int n = 0; n < WARP_SIZE / SAMPLES; ++n) {
+            const Edge& edge = edges[pixels[min(n, some - 1)]];
+            const SampleHits& its = hits[pixels[min(n, some - 1)]];
             const Band& band = mesh ? edge.on_meshes : edge.on_fields;
             const bool there = n < some && !(field && edge.behind), slow = mesh || field;
             const IntQuad traced = (int(there ? edge.samples : 0) & IntQuad { 1, 2, 4, 8 }) != 0, none = -1;
-            const Quad last = slow ? band.last : FAR_AWAY, never = FAR_AWAY;
-            const Quad begin = slow ? upper(camera.near, band.first) : camera.near;
+            const Quad last = slow ? band.last : MISS, never = MISS;
+            const Quad begin = slow ? max(camera.near, band.first) : camera.near;
             put(rays.x, its.x, n);
             put(rays.y, its.y, n);
             put(rays.depth, its.depth < last ? its.depth : last, n);
@@ -235,7 +235,7 @@ struct Smoother {
         }
     }
 
-    // Of some pixels the nearest to a sample, or the one in the middle if there are none.
+    // Selects, from a set of pixels, the nearest to a sample; the centre pixel if the set is empty.
     int nearest(int sample, unsigned pixels) const
     {
         for (int k = 0; pixels && k < AROUND; ++k)
@@ -255,14 +255,14 @@ struct Smoother {
         while (edge.shapes[at].slot != slot)
             ++at;
         const unsigned pixels = edge.shapes[at].pixels;
-        const Record& record = around.records[slot];
+        const ShapeRecord& record = around.records[slot];
         const auto show = [&](bool sided, const auto& turned) {
             if (!sided)
                 return nearest(sample, pixels);
             unsigned left = 0;
             for (int k = 0; k < AROUND; ++k)
                 left |= (pixels >> near[sample][k] & 1) << k;
-            return seen.template chosen<IMAGES>(left, edge.i, edge.j, sample_offset(sample), its.depth[sample], true,
+            return seen.template select<IMAGES>(left, edge.i, edge.j, sample_offset(sample), its.depth[sample], true,
                                                 turned);
         };
         return shown_sample<TYPES>(seen, meshes, camera, edge.i, edge.j, sample, its.depth[sample], its.face[sample],
@@ -273,7 +273,7 @@ struct Smoother {
     void smooth()
     {
         short order[SHAPES_TOGETHER];
-        const int ranks = prepare(order);
+        const int ranks = setup_shape(order);
         int ends[SHAPES_TOGETHER];  // by slot, of its pixels
         for (int slot = 0, end = 0; slot < around.count; ++slot) {
             ends[slot] = end;
@@ -285,8 +285,8 @@ struct Smoother {
         for (int rank = 0; rank < ranks; ++rank) {
             const int slot = order[rank], its = around.pixels[slot];
             const short* const pixels = sorted + ends[slot] - its;
-            for (int from = 0; from < its; from += LANES / SAMPLES)
-                trace(around.records[slot], pixels + from, lower_int(LANES / SAMPLES, its - from));
+            for (int from = 0; from < its; from += WARP_SIZE / SAMPLES)
+                trace(around.records[slot], pixels + from, min(WARP_SIZE / SAMPLES, its - from));
         }
         for (int n = 0; n < count; ++n) {
             const Edge& edge = edges[n];
@@ -307,17 +307,17 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
 {
     using Centres = CentresAtHand<IMAGES, WIDTH, HEIGHT, Target>;
     const Centres centres(target, unsigned(world) * target.height * target.width, region);
-    const Seen<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
-    Smoother<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen, camera,
+    const EdgeTester<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
+    EdgeResolver<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen, camera,
                                                                                   region, world);
-    const int right = lower_int(region.left + region.width, target.width);
-    const int bottom = lower_int(region.top + region.height, target.height);
+    const int right = min(region.left + region.width, target.width);
+    const int bottom = min(region.top + region.height, target.height);
     for (int j = region.top; j < bottom; ++j)
-        for (int i = region.left; i < right; i += PACKET) {
+        for (int i = region.left; i < right; i += SIMD_WIDTH) {
             unsigned maybe = centres.template maybe_edges<LENS>(i, j, seen.scale_x, seen.scale_y);
-            maybe &= (1u << lower_int(right - i, PACKET)) - 1u;
+            maybe &= (1u << min(right - i, SIMD_WIDTH)) - 1u;
             for (; maybe; maybe &= maybe - 1)
-                smoother.look_at(i + lowest_bit(maybe), j);
+                smoother.look_at(i + ctz(maybe), j);
         }
     smoother.smooth();
 }

@@ -1,5 +1,5 @@
 // The pixels of some rows of an image that have edges, on CUDA. What the trace has found there is kept in shared
-// memory: see KeptCentres. Each warp goes down rows of 32 pixels, a lane a column, and notes those that may have an
+// memory: see PixelCache. Each warp goes down rows of 32 pixels, a lane a column, and notes those that may have an
 // edge; these are then looked at once more, 32 at a time, whatever tiles they lie in.
 #pragma once
 #include "antialiasing/pixel_cache.h"
@@ -14,12 +14,12 @@ template <int HEIGHT> struct EdgeMarks {
 
 // A pixel's place is counted row after row.
 template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct EdgeFinder {
-    using Centres = KeptCentres<Target, IMAGES, WIDTH, HEIGHT>;
-    static constexpr int LINE = Centres::LINE, WARPS = THREADS / LANES;
-    static_assert(WIDTH <= LANES && HEIGHT % WARPS == 0, "a lane for each column, as many rows for each warp");
+    using Centres = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
+    static constexpr int LINE = Centres::LINE, WARPS = THREADS / WARP_SIZE;
+    static_assert(WIDTH <= WARP_SIZE && HEIGHT % WARPS == 0, "a lane for each column, as many rows for each warp");
 
     EdgeMarks<HEIGHT>& marks;
-    const Seen<LENS, Centres>& seen;
+    const EdgeTester<LENS, Centres>& seen;
     int left, top;  // of the first pixel, in the image
 
     // Some of the pixels around one, a bit for each pair of them.
@@ -27,17 +27,17 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
         unsigned beside, across;
     };
 
-    // Where a pixel is kept, by its place.
-    WARPCAM_FN static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
+    // Index at which a pixel is stored, by its position.
+    WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
 
     // Notes which pixels may have an edge. Then a barrier.
-    WARPCAM_FN void look() const
+    WARPCAM_DEVICE void look() const
     {
         const Target& target = seen.centres.target;
         constexpr int ROWS = HEIGHT / WARPS;
-        const int lane = threadIdx.x % LANES, first = threadIdx.x / LANES * ROWS, i = left + lane;
+        const int lane = threadIdx.x % WARP_SIZE, first = threadIdx.x / WARP_SIZE * ROWS, i = left + lane;
         const bool inside = lane < WIDTH && i < target.width, amid = i > 0 && i + 1 < target.width;
-        unsigned pixel = unsigned((first + 1) * LINE + lower_int(lane, WIDTH - 1) + 1);
+        unsigned pixel = unsigned((first + 1) * LINE + min(lane, WIDTH - 1) + 1);
         int above = seen.shape(pixel - LINE), here = seen.shape(pixel);
         float depth_above = seen.depth(pixel - LINE), depth_here = seen.depth(pixel);
 #pragma unroll 2
@@ -52,8 +52,8 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
                 | ((j > 0) & (j + 1 < target.height)
                    & seen.turns_at(depth_above, depth_here, depth_below, seen.scale_y));
             const bool there = inside & (j < target.height), bent_there = within & bent & (here >= 0);
-            const unsigned maybe = __ballot_sync(ALL, there & (!within | bent_there));
-            const unsigned turned = __ballot_sync(ALL, bent_there);
+            const unsigned maybe = __ballot_sync(FULL_WARP, there & (!within | bent_there));
+            const unsigned turned = __ballot_sync(FULL_WARP, bent_there);
             if (lane == 0) {
                 marks.maybe[row] = maybe;
                 marks.turned[row] = turned;
@@ -67,35 +67,35 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
 
     // Lists these pixels and returns how many there are: those of tiles of 4x8 pixels, whose samples see the fewest
     // shapes, one after another. Then a barrier.
-    WARPCAM_FN int list_pixels(unsigned short* pixels) const
+    WARPCAM_DEVICE int list_pixels(unsigned short* pixels) const
     {
-        constexpr unsigned WIDE = 4, HIGH = LANES / WIDE, ACROSS = WIDTH / WIDE, TILES = ACROSS * (HEIGHT / HIGH);
-        static_assert(TILES <= LANES, "a lane for each");
-        const unsigned lane = threadIdx.x % LANES, warp = threadIdx.x / LANES;
+        constexpr unsigned TILE_COLUMNS_PER_WARP = 4, HIGH = WARP_SIZE / TILE_COLUMNS_PER_WARP, ACROSS = WIDTH / TILE_COLUMNS_PER_WARP, TILES = ACROSS * (HEIGHT / HIGH);
+        static_assert(TILES <= WARP_SIZE, "a lane for each");
+        const unsigned lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE;
         unsigned mask = 0;  // of the lane's tile
         if (lane < TILES)
 #pragma unroll
             for (unsigned k = 0; k < HIGH; ++k)
-                mask |= (marks.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * WIDE & ((1u << WIDE) - 1))
-                        << WIDE * k;
+                mask |= (marks.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * TILE_COLUMNS_PER_WARP & ((1u << TILE_COLUMNS_PER_WARP) - 1))
+                        << TILE_COLUMNS_PER_WARP * k;
         int until = __popc(mask);
 #pragma unroll
-        for (int step = 1; step < LANES; step *= 2) {
-            const int before = __shfl_up_sync(ALL, until, step);
+        for (int step = 1; step < WARP_SIZE; step *= 2) {
+            const int before = __shfl_up_sync(FULL_WARP, until, step);
             until += int(lane) >= step ? before : 0;
         }
         for (unsigned tile = warp; tile < TILES; tile += WARPS) {
-            const unsigned its = __shfl_sync(ALL, mask, tile);
-            const int end = __shfl_sync(ALL, until, tile);
-            const unsigned row = tile / ACROSS * HIGH + lane / WIDE, column = tile % ACROSS * WIDE + lane % WIDE;
+            const unsigned its = __shfl_sync(FULL_WARP, mask, tile);
+            const int end = __shfl_sync(FULL_WARP, until, tile);
+            const unsigned row = tile / ACROSS * HIGH + lane / TILE_COLUMNS_PER_WARP, column = tile % ACROSS * TILE_COLUMNS_PER_WARP + lane % TILE_COLUMNS_PER_WARP;
             if (its >> lane & 1)
                 pixels[end - __popc(its >> lane)] = static_cast<unsigned short>(row * WIDTH + column);
         }
-        return __shfl_sync(ALL, until, LANES - 1);
+        return __shfl_sync(FULL_WARP, until, WARP_SIZE - 1);
     }
 
-    // What Seen::edge() says of a pixel that may have an edge, by its place.
-    template <bool SIDED, class HasSides> WARPCAM_FN unsigned edge(unsigned place, const HasSides& has_sides) const
+    // EdgeTester::edge() of a pixel that may have an edge, by its position.
+    template <bool SIDED, class HasSides> WARPCAM_DEVICE unsigned edge(unsigned place, const HasSides& has_sides) const
     {
         const unsigned pixel = kept_at(place);
         const bool bent = marks.turned[place / WIDTH] >> place % WIDTH & 1;
@@ -112,7 +112,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
             other.across |= unsigned(seen.shape(across[k]) != here) << k;
         }
         const bool within = !other.beside;
-        const int faint = within ? FAINT_WITHIN : FAINT;
+        const int faint = within ? FAINT_WITHIN : COLOR_TOLERANCE;
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
             const auto one = seen.template colour<IMAGES>(beside[k]), two = seen.template colour<IMAGES>(across[k]);

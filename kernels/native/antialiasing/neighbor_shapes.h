@@ -7,16 +7,16 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int NEAR_SHAPES = 64, NEAR_WORDS = NEAR_SHAPES / LANES;
+constexpr int NEAR_SHAPES = 64, NEAR_WORDS = NEAR_SHAPES / WARP_SIZE;
 constexpr int NEAR_KEYS = 256;  // of a table by id; as many as all threads can put in before they see that it is full
 static_assert(NEAR_SHAPES + THREADS <= NEAR_KEYS, "a table with room for what all threads put in");
 constexpr int NO_KEY = -1;
 
-// As bits by their places among the records.
+// Set of records, a bit each.
 using NearBits = unsigned[NEAR_WORDS];
 
 struct NearShapes {
-    Record records[NEAR_SHAPES];  // nearest first where there are meshes; see sample_record()
+    ShapeRecord records[NEAR_SHAPES];  // nearest first where there are meshes; see sample_record()
     int keys[NEAR_KEYS];          // ids, a table
     int ids[NEAR_SHAPES];         // in the order in which they came
     float nearest[NEAR_SHAPES];   // likewise
@@ -24,10 +24,10 @@ struct NearShapes {
     NearBits meshes, fields;
     int count;  // more than NEAR_SHAPES: they are too many
 
-    WARPCAM_FN static unsigned slot_of(int id) { return unsigned(id) % NEAR_KEYS; }
+    WARPCAM_DEVICE static unsigned slot_of(int id) { return unsigned(id) % NEAR_KEYS; }
 
     // All threads of the block; then a barrier.
-    WARPCAM_FN void clear()
+    WARPCAM_DEVICE void clear()
     {
         for (int k = threadIdx.x; k < NEAR_KEYS; k += THREADS)
             keys[k] = NO_KEY;
@@ -37,7 +37,7 @@ struct NearShapes {
             count = 0;
     }
 
-    WARPCAM_FN void add(int id)
+    WARPCAM_DEVICE void add(int id)
     {
         unsigned slot = slot_of(id);
         for (int key; (key = *static_cast<volatile int*>(keys + slot)) != id;) {
@@ -56,8 +56,8 @@ struct NearShapes {
         }
     }
 
-    // Where one that was added is.
-    WARPCAM_FN unsigned find(int id) const
+    // Index of a shape that was added.
+    WARPCAM_DEVICE unsigned find(int id) const
     {
         unsigned slot = slot_of(id);
         while (keys[slot] != id)
@@ -65,22 +65,22 @@ struct NearShapes {
         return slot;
     }
 
-    WARPCAM_FN int place(int id) const { return places[find(id)]; }
-    WARPCAM_FN int place_of_byte(int id) const { return places[id]; }  // of one below NEAR_KEYS, if all are
+    WARPCAM_DEVICE int place(int id) const { return places[find(id)]; }
+    WARPCAM_DEVICE int place_of_byte(int id) const { return places[id]; }  // of one below NEAR_KEYS, if all are
 
     // Makes the records of all that were added; with barriers.
     template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
-    WARPCAM_FN void prepare_all(const Shapes& shapes, const Meshes& all_meshes, const HeightFields& all_fields,
+    WARPCAM_DEVICE void prepare_all(const Shapes& shapes, const Meshes& all_meshes, const HeightFields& all_fields,
                                 const Camera& camera, const Region& region, int world)
     {
         const int mine = threadIdx.x;
-        Record record;
+        ShapeRecord record;
         bool seen = false;
         if (mine < count) {
             seen = sample_record<TYPES, LENS>(shapes, all_meshes, all_fields, camera, region, world, ids[mine], record);
-            nearest[mine] = !seen ? FAR_AWAY : TYPES >> MESH & 1 ? as_float(record.size.w) : 0.0f;
+            nearest[mine] = !seen ? MISS : TYPES >> MESH & 1 ? as_float(record.size.w) : 0.0f;
         }
-        block_barrier();
+        block_sync();
         if (mine < count) {
             const float key = nearest[mine];
             const int id = ids[mine];
@@ -92,12 +92,12 @@ struct NearShapes {
                 record.axis_y.w = rank;
                 records[rank] = record;
                 if (is_mesh<TYPES>(record))
-                    atomicOr(meshes + rank / LANES, 1u << rank % LANES);
+                    atomicOr(meshes + rank / WARP_SIZE, 1u << rank % WARP_SIZE);
                 if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD)
-                    atomicOr(fields + rank / LANES, 1u << rank % LANES);
+                    atomicOr(fields + rank / WARP_SIZE, 1u << rank % WARP_SIZE);
             }
         }
-        block_barrier();
+        block_sync();
     }
 };
 

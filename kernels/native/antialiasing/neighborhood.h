@@ -5,18 +5,18 @@
 namespace warpcam {
 
 // A pixel around one, or that itself: 4 * row + column, from the one above and to the left.
-struct Around {
+struct Neighborhood3x3 {
     static constexpr int MIDDLE = 5;
 
-    WARPCAM_FN static constexpr int right(int place) { return (place & 3) - 1; }
-    WARPCAM_FN static constexpr int down(int place) { return (place >> 2) - 1; }
-    template <int LINE> WARPCAM_FN static constexpr unsigned step(int place)
+    WARPCAM_DEVICE static constexpr int right(int place) { return (place & 3) - 1; }
+    WARPCAM_DEVICE static constexpr int down(int place) { return (place >> 2) - 1; }
+    template <int LINE> WARPCAM_DEVICE static constexpr unsigned step(int place)
     {
         return unsigned((place >> 2) * LINE + (place & 3) - LINE - 1);
     }
 
-    // Those around a pixel from near to far of a sample, as Seen::shown() has them: four bits each.
-    WARPCAM_FN static constexpr unsigned order(bool upright, int x, int y)
+    // Neighbours of a pixel from near to far of a sample, as EdgeTester::shown() orders them: four bits each.
+    WARPCAM_DEVICE static constexpr unsigned order(bool upright, int x, int y)
     {
         constexpr unsigned FARTHER = 0x999, OTHER = 0x90a5;
         unsigned places = 0;
@@ -27,7 +27,7 @@ struct Around {
         }
         return places;
     }
-    WARPCAM_FN static unsigned order(int sample)
+    WARPCAM_DEVICE static unsigned order(int sample)
     {
         constexpr unsigned FIRST = order(true, -1, 1), SECOND = order(false, 1, 1);
         constexpr unsigned THIRD = order(false, -1, -1), FOURTH = order(true, 1, -1);

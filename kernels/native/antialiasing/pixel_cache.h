@@ -1,4 +1,4 @@
-// What a view has found in a region's pixels and those around it, kept in shared memory: see ImageCentres.
+// Cache, in shared memory, of trace results for a region's pixels and those around it: see PixelSource.
 #pragma once
 #include "antialiasing/edge_test.h"
 
@@ -10,7 +10,7 @@ template <class T> struct Pointee<T*> {
     using type = T;
 };
 
-// Where it is kept.
+// Shared memory of the cache.
 template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
     static constexpr int LINE = WIDTH + 2, PIXELS = LINE * (HEIGHT + 2);
     static constexpr bool HAS_BYTES = IMAGES & (SMOOTH_RGB | SMOOTH_RGBA);
@@ -22,7 +22,7 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct CentresRoom {
 };
 
 // Pixels are numbered row after row, from the one left above the region's first.
-template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
+template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct PixelCache {
     using Room = CentresRoom<Target, IMAGES, WIDTH, HEIGHT>;
     static constexpr int LINE = Room::LINE;
     static constexpr bool BORDERED = true;  // what lies outside of the image is as the nearest pixel inside
@@ -36,26 +36,26 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
     // All threads of the block; with a barrier. A warp loads rows, which may have a few more pixels than it has lanes;
     // what lies beyond a row or the last of them is loaded twice, so that nothing is asked and all loads are under way
     // at once.
-    WARPCAM_FN void load() const
+    WARPCAM_DEVICE void load() const
     {
-        constexpr int WARPS = THREADS / LANES, ROWS = Room::PIXELS / LINE, WIDE = lower_int(LINE, LANES);
-        const int lane = lower_int(threadIdx.x % LANES, LINE - 1), warp = threadIdx.x / LANES;
-        const int i = left + lane, column = i < 0 ? 0 : lower_int(i, target.width - 1);
+        constexpr int WARPS = THREADS / WARP_SIZE, ROWS = Room::PIXELS / LINE, TILE_COLUMNS_PER_WARP = min(LINE, WARP_SIZE);
+        const int lane = min(threadIdx.x % WARP_SIZE, LINE - 1), warp = threadIdx.x / WARP_SIZE;
+        const int i = left + lane, column = i < 0 ? 0 : min(i, target.width - 1);
 #pragma unroll
         for (int first = 0; first < ROWS; first += WARPS) {
-            const int row = lower_int(first + warp, ROWS - 1), j = top + row;
-            load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : lower_int(j, target.height - 1)));
+            const int row = min(first + warp, ROWS - 1), j = top + row;
+            load(unsigned(row * LINE + lane), of_images(column, j < 0 ? 0 : min(j, target.height - 1)));
         }
-        constexpr int REST = LINE - WIDE;
+        constexpr int REST = LINE - TILE_COLUMNS_PER_WARP;
         if constexpr (REST > 0)
 #pragma unroll 1
             for (int k = threadIdx.x; k < REST * ROWS; k += THREADS) {
-                const unsigned pixel = unsigned(k / REST * LINE + WIDE + k % REST);
+                const unsigned pixel = unsigned(k / REST * LINE + TILE_COLUMNS_PER_WARP + k % REST);
                 load(pixel, of_images(pixel));
             }
-        block_barrier();
+        block_sync();
     }
-    WARPCAM_FN void load(unsigned pixel, unsigned from) const
+    WARPCAM_DEVICE void load(unsigned pixel, unsigned from) const
     {
         room.depths[pixel] = target.depth.data[from];
         room.ids[pixel] = target.shape.data[from];
@@ -63,29 +63,30 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct KeptCentres {
             room.colours[pixel] = load_bytes<IMAGES>(target, from);
     }
 
-    WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
-    WARPCAM_FN static constexpr unsigned line() { return LINE; }
-    WARPCAM_FN static constexpr bool has_fours() { return false; }
-    WARPCAM_FN unsigned four_ids(int, int) const { return 0; }
-    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
-    WARPCAM_FN unsigned of_images(unsigned pixel) const
+    WARPCAM_DEVICE unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
+    WARPCAM_DEVICE static constexpr unsigned line() { return LINE; }
+    WARPCAM_DEVICE static constexpr bool has_fours() { return false; }
+    WARPCAM_DEVICE unsigned four_ids(int, int) const { return 0; }
+    WARPCAM_DEVICE unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_DEVICE unsigned of_images(unsigned pixel) const
     {
         const int i = left + int(pixel) % LINE, j = top + int(pixel) / LINE;
-        return of_images(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+        return of_images(i < 0 ? 0 : min(i, target.width - 1), j < 0 ? 0 : min(j, target.height - 1));
     }
-    WARPCAM_FN int shape(unsigned pixel) const { return room.ids[pixel]; }
-    WARPCAM_FN float depth(unsigned pixel) const { return room.depths[pixel]; }
-    template <int> WARPCAM_FN unsigned bytes(unsigned pixel) const { return room.colours[pixel]; }
-    WARPCAM_FN bool shows(int i, int j, int shape_) const
+    WARPCAM_DEVICE int shape(unsigned pixel) const { return room.ids[pixel]; }
+    WARPCAM_DEVICE float depth(unsigned pixel) const { return room.depths[pixel]; }
+    template <int> WARPCAM_DEVICE unsigned bytes(unsigned pixel) const { return room.colours[pixel]; }
+    WARPCAM_DEVICE bool shows(int i, int j, int shape_) const
     {
         return (i >= 0) & (i < target.width) & (j >= 0) & (j < target.height) & (shape(at(i, j)) == shape_);
     }
 
-    WARPCAM_FN unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
+    WARPCAM_DEVICE unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 };
 
-// Which shapes a region's pixels and those around it show, kept in shared memory; WHOLE: which has all of the image.
-// Pixels are numbered row after row, from the one above the region's first, or a word left of that if there are any.
+// Cache, in shared memory, of the shapes that a region's pixels and those around it show; WHOLE: the region is the
+// whole image. Pixels are numbered row after row, from the one above the region's first, or a word left of that if
+// there are any.
 template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
     using Id = typename Pointee<decltype(Target::shape.data)>::type;
     static constexpr bool FIT = sizeof(Id) == 1;
@@ -95,32 +96,32 @@ template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
     unsigned words[FIT ? WORDS : 1];
 
     // All threads of the block; then a barrier. What lies outside of the image is as any pixel of it.
-    WARPCAM_FN void load(const Target& target, const Region& region, unsigned first)
+    WARPCAM_DEVICE void load(const Target& target, const Region& region, unsigned first)
     {
 #pragma unroll
         for (int begin = 0; begin < WORDS; begin += THREADS) {
-            const int k = lower_int(begin + int(threadIdx.x), WORDS - 1), pixel = k * WORD - BEFORE;
+            const int k = min(begin + int(threadIdx.x), WORDS - 1), pixel = k * WORD - BEFORE;
             const int i = region.left + pixel % LINE - ASIDE, j = region.top + pixel / LINE - 1;
             const Id* const line =
-                target.shape.data + first + upper_int(lower_int(j, target.height - 1), 0) * target.width;
+                target.shape.data + first + max(min(j, target.height - 1), 0) * target.width;
             if (target.width % WORD == 0) {
-                words[k] = *reinterpret_cast<const unsigned*>(line + upper_int(lower_int(i, target.width - WORD), 0));
+                words[k] = *reinterpret_cast<const unsigned*>(line + max(min(i, target.width - WORD), 0));
                 continue;
             }
             unsigned word = 0;
 #pragma unroll
             for (int n = 0; n < WORD; ++n)
-                word |= unsigned(static_cast<unsigned char>(line[upper_int(lower_int(i + n, target.width - 1), 0)]))
+                word |= unsigned(static_cast<unsigned char>(line[max(min(i + n, target.width - 1), 0)]))
                         << 8 * n;
             words[k] = word;
         }
     }
-    WARPCAM_FN int at(unsigned pixel) const { return reinterpret_cast<const Id*>(words)[pixel + BEFORE]; }
-    WARPCAM_FN unsigned four_at(unsigned pixel) const { return words[(pixel + BEFORE) / WORD]; }
+    WARPCAM_DEVICE int at(unsigned pixel) const { return reinterpret_cast<const Id*>(words)[pixel + BEFORE]; }
+    WARPCAM_DEVICE unsigned load4(unsigned pixel) const { return words[(pixel + BEFORE) / WORD]; }
 };
 
-// Of images whose colours may be loaded by words: their pixels are a multiple of four. Depths, faces and colours stay
-// where they are. Pixels are numbered as RegionIds has them; none lies outside of the image.
+// Cache for images whose colours can be loaded by words: their number of pixels is a multiple of four. Depths, faces
+// and colours stay in global memory. Pixels are numbered as in RegionIds; none lies outside the image.
 template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres {
     using Ids = RegionIds<Target, WIDTH_, HEIGHT, WHOLE>;
     static constexpr int WIDTH = WIDTH_, LINE = Ids::LINE;
@@ -133,7 +134,7 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
     unsigned first;  // the view's first pixel in the images
 
     // Adds all shapes that are seen to a list: those that the pixel before does not show. Then a barrier.
-    template <class List> WARPCAM_FN void list(List& shapes) const
+    template <class List> WARPCAM_DEVICE void list(List& shapes) const
     {
 #pragma unroll 1
         for (int k = threadIdx.x; k < ids.WORDS; k += THREADS) {
@@ -147,25 +148,25 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
             }
         }
     }
-    WARPCAM_FN unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
-    WARPCAM_FN static constexpr unsigned line() { return LINE; }
-    WARPCAM_FN unsigned of_images(unsigned pixel) const
+    WARPCAM_DEVICE unsigned at(int i, int j) const { return unsigned((j - top) * LINE + (i - left)); }
+    WARPCAM_DEVICE static constexpr unsigned line() { return LINE; }
+    WARPCAM_DEVICE unsigned of_images(unsigned pixel) const
     {
         return of_images(left + int(pixel % LINE), top + int(pixel / LINE));
     }
-    WARPCAM_FN unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
-    WARPCAM_FN int shape(unsigned pixel) const { return ids.at(pixel); }
-    // Where the pixel may lie outside of the image: then it is any number.
-    WARPCAM_FN int shape_beside(int i, int j) const { return shape(at(i, j)); }
-    WARPCAM_FN static constexpr bool has_fours() { return true; }
-    WARPCAM_FN unsigned four_ids(int i, int j) const { return ids.four_at(at(i, j)); }
-    WARPCAM_FN float depth(unsigned pixel) const { return target.depth.data[of_images(pixel)]; }
-    template <int IMAGES> WARPCAM_FN unsigned bytes(unsigned pixel) const
+    WARPCAM_DEVICE unsigned of_images(int i, int j) const { return first + unsigned(j * target.width + i); }
+    WARPCAM_DEVICE int shape(unsigned pixel) const { return ids.at(pixel); }
+    // Shape of a pixel that may lie outside the image: then the result is arbitrary.
+    WARPCAM_DEVICE int shape_beside(int i, int j) const { return shape(at(i, j)); }
+    WARPCAM_DEVICE static constexpr bool has_fours() { return true; }
+    WARPCAM_DEVICE unsigned four_ids(int i, int j) const { return ids.load4(at(i, j)); }
+    WARPCAM_DEVICE float depth(unsigned pixel) const { return target.depth.data[of_images(pixel)]; }
+    template <int IMAGES> WARPCAM_DEVICE unsigned bytes(unsigned pixel) const
     {
         return load_bytes<IMAGES>(target, of_images(pixel));
     }
     // The colours of the nine pixels around one, row after row: of each row three words of rgb have them.
-    template <int IMAGES> WARPCAM_FN void bytes_around(int i, int j, unsigned (&nine)[9]) const
+    template <int IMAGES> WARPCAM_DEVICE void bytes_around(int i, int j, unsigned (&nine)[9]) const
     {
         if (IMAGES & SMOOTH_RGBA) {
 #pragma unroll
@@ -178,7 +179,7 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
         const int column = leftmost ? 0 : rightmost ? i - 2 : i - 1;
 #pragma unroll
         for (int k = 0; k < 3; ++k) {
-            const int row = j + k - 1 < 0 ? 0 : lower_int(j + k - 1, target.height - 1);
+            const int row = j + k - 1 < 0 ? 0 : min(j + k - 1, target.height - 1);
             const unsigned begin = 3 * unsigned(row * target.width + column), aside = 8 * (begin % 4);
             const unsigned* const words =
                 reinterpret_cast<const unsigned*>(target.rgb.data + 3 * size_t(first)) + begin / 4;
@@ -191,16 +192,16 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
             nine[3 * k + 2] = leftmost ? two : three;
         }
     }
-    WARPCAM_FN bool shows(int i, int j, int shape_) const
+    WARPCAM_DEVICE bool shows(int i, int j, int shape_) const
     {
         const bool inside = i >= 0 && i < target.width && j >= 0 && j < target.height;
         return inside & (shape_beside(i, j) == shape_);
     }
-    WARPCAM_FN unsigned around(int i, int j, int k) const
+    WARPCAM_DEVICE unsigned around(int i, int j, int k) const
     {
         const int column = i + k % 3 - 1, row = j + k / 3 - 1;
-        return at(column < 0 ? 0 : lower_int(column, target.width - 1),
-                  row < 0 ? 0 : lower_int(row, target.height - 1));
+        return at(column < 0 ? 0 : min(column, target.width - 1),
+                  row < 0 ? 0 : min(row, target.height - 1));
     }
 };
 

@@ -1,13 +1,13 @@
-// What a view has found in a region's pixels and those around it, kept at hand on a CPU: see ImageCentres.
+// Cache, on a CPU, of trace results for a region's pixels and those around it: see PixelSource.
 #pragma once
 #include "antialiasing/edge_test.h"
 #include "core/simd8.h"
 
 namespace warpcam {
 
-constexpr int AROUND = 9;  // pixels, see ImageCentres::around()
+constexpr int AROUND = 9;  // pixels, see PixelSource::around()
 
-// What the nine pixels around one show, those outside of the image as the nearest inside.
+// Shapes of the nine pixels around one; pixels outside the image take the nearest inside.
 struct NineIds {
     const int* here;
     int line;
@@ -18,7 +18,7 @@ struct NineIds {
     {
         unsigned found = 0;
         for (int row = 0; row < 3; ++row)
-            found |= (bits_of(load_eight(here + (row - 1) * line - 1) == id) & 7u) << 3 * row;
+            found |= (movemask(load8(here + (row - 1) * line - 1) == id) & 7u) << 3 * row;
         return found;
     }
 };
@@ -34,25 +34,25 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     const Target& target;
     int left, top;   // of the first pixel that is kept, in the image
     unsigned first;  // the view's first pixel in the images
-    int ids[PIXELS + PACKET];
-    float depths[PIXELS + PACKET];
-    unsigned colours[HAS_BYTES ? PIXELS + PACKET : 1];
+    int ids[PIXELS + SIMD_WIDTH];
+    float depths[PIXELS + SIMD_WIDTH];
+    unsigned colours[HAS_BYTES ? PIXELS + SIMD_WIDTH : 1];
 
     CentresAtHand(const Target& from, unsigned first_, const Region& region)
         : target(from), left(region.left - 1), top(region.top - 1), first(first_)
     {
-        const int width = lower_int(WIDTH, target.width - region.left),
-                  height = lower_int(HEIGHT, target.height - region.top);
+        const int width = min(WIDTH, target.width - region.left),
+                  height = min(HEIGHT, target.height - region.top);
         for (int row = 0; row < height + 2; ++row) {
-            const int j = top + row, inside = j < 0 ? 0 : lower_int(j, target.height - 1);
+            const int j = top + row, inside = j < 0 ? 0 : min(j, target.height - 1);
             const unsigned to = unsigned(row * LINE + 1), begin = of_images(region.left, inside);
             int done = 0;
-            for (; done + PACKET <= width; done += PACKET)
+            for (; done + SIMD_WIDTH <= width; done += SIMD_WIDTH)
                 load_packet(to + done, begin + done);
             for (; done < width; ++done)
                 load(to + done, begin + done);
-            load(to - 1, of_images(upper_int(left, 0), inside));
-            load(to + width, of_images(lower_int(region.left + width, target.width - 1), inside));
+            load(to - 1, of_images(max(left, 0), inside));
+            load(to + width, of_images(min(region.left + width, target.width - 1), inside));
         }
     }
 
@@ -66,15 +66,15 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
 
     void load_packet(unsigned pixel, unsigned from)
     {
-        const Ints shapes = load_eight(target.shape.data + from);
+        const Int8 shapes = load8(target.shape.data + from);
         __builtin_memcpy(ids + pixel, &shapes, sizeof shapes);
-        __builtin_memcpy(depths + pixel, target.depth.data + from, sizeof(Floats));
+        __builtin_memcpy(depths + pixel, target.depth.data + from, sizeof(Float8));
         if constexpr ((IMAGES & SMOOTH_RGBA) != 0) {
-            __builtin_memcpy(colours + pixel, target.rgba.data + 4 * size_t(from), 4 * PACKET);
+            __builtin_memcpy(colours + pixel, target.rgba.data + 4 * size_t(from), 4 * SIMD_WIDTH);
         } else if constexpr (HAS_BYTES) {
             typedef unsigned char Bytes __attribute__((ext_vector_type(32)));
             Bytes bytes = 0;
-            __builtin_memcpy(&bytes, target.rgb.data + 3 * size_t(from), 3 * PACKET);
+            __builtin_memcpy(&bytes, target.rgb.data + 3 * size_t(from), 3 * SIMD_WIDTH);
             const Bytes none = 0;
             bytes = __builtin_shufflevector(bytes, none, 0, 1, 2, 32, 3, 4, 5, 32, 6, 7, 8, 32, 9, 10, 11, 32, 12, 13,
                                             14, 32, 15, 16, 17, 32, 18, 19, 20, 32, 21, 22, 23, 32);
@@ -88,7 +88,7 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     unsigned of_images(unsigned pixel) const
     {
         const int i = left + int(pixel) % LINE, j = top + int(pixel) / LINE;
-        return of_images(i < 0 ? 0 : lower_int(i, target.width - 1), j < 0 ? 0 : lower_int(j, target.height - 1));
+        return of_images(i < 0 ? 0 : min(i, target.width - 1), j < 0 ? 0 : min(j, target.height - 1));
     }
     int shape(unsigned pixel) const { return ids[pixel]; }
     float depth(unsigned pixel) const { return depths[pixel]; }
@@ -101,37 +101,37 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     }
     unsigned around(int i, int j, int k) const { return at(i + k % 3 - 1, j + k / 3 - 1); }
 
-    // Of eight pixels of a row from column `i` on those that may have an edge, a bit each: those beside another shape,
-    // and those where a surface is bent.
+    // Bit mask of the pixels, of eight from column `i` on in a row, that may have an edge: pixels beside another shape,
+    // and pixels whose surface is bent.
     template <int LENS> unsigned maybe_edges(int i, int j, float scale_x, float scale_y) const
     {
         const unsigned here = at(i, j);
-        const auto ids_at = [&](unsigned pixel) { return load_eight(ids + pixel); };
+        const auto ids_at = [&](unsigned pixel) { return load8(ids + pixel); };
         const auto depths_at = [&](unsigned pixel) {
-            Floats values;
+            Float8 values;
             __builtin_memcpy(&values, depths + pixel, sizeof values);
             return values;
         };
-        const Ints own = ids_at(here);
-        const Ints other = (ids_at(here - 1) != own) | (ids_at(here + 1) != own) | (ids_at(here - LINE) != own)
+        const Int8 own = ids_at(here);
+        const Int8 other = (ids_at(here - 1) != own) | (ids_at(here + 1) != own) | (ids_at(here - LINE) != own)
             | (ids_at(here + LINE) != own);
-        const Floats b = depths_at(here);
+        const Float8 b = depths_at(here);
         const auto turns = [&](unsigned step, float scale) {  // as Seen::turns_at()
-            const Floats a = depths_at(here - step), c = depths_at(here + step);
-            if (LENS == SPREAD)
+            const Float8 a = depths_at(here - step), c = depths_at(here + step);
+            if (LENS == RAY_TABLE_WITH_ORIGINS)
                 return is_bent(a, b, c, scale);
             if (LENS != ORTHOGRAPHIC)
-                return magnitude(b * (a + c) - 2.0f * a * c) > CREASE * scale * (a * c);
-            return magnitude(a + c - 2.0f * b) > CREASE * scale;
+                return abs(b * (a + c) - 2.0f * a * c) > EDGE_SLOPE * scale * (a * c);
+            return abs(a + c - 2.0f * b) > EDGE_SLOPE * scale;
         };
-        Ints amid = -1;
+        Int8 amid = -1;
         amid[0] = i > 0 ? -1 : 0;
-        for (int k = 0; k < PACKET; ++k)
+        for (int k = 0; k < SIMD_WIDTH; ++k)
             amid[k] &= i + k + 1 < target.width ? -1 : 0;
-        Ints bent = amid & turns(1, scale_x);
+        Int8 bent = amid & turns(1, scale_x);
         if (j > 0 && j + 1 < target.height)
             bent |= turns(LINE, scale_y);
-        return bits_of(other | (bent & (own >= 0)));
+        return movemask(other | (bent & (own >= 0)));
     }
 };
 

@@ -8,11 +8,11 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-// Those that it smooths together, at most: at the end its warps wait for the one whose rays take longest. A
-// multiprocessor's blocks have room for so many: antialiasing.py.
+// Most pixels that a block resolves together: at the end its warps wait for the one whose rays take longest. The blocks
+// of a multiprocessor have room for so many: antialiasing.py.
 constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : types >> MESH & 1 ? 440 : 320; }
 
-// What a sample has hit, where there are meshes.
+// Hit of a sample in scenes with meshes.
 struct SampleHit {
     float depth;
     int face;
@@ -32,12 +32,12 @@ template <int TYPES> struct ListedPixel {
     static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
     typename ListedBits<LARGE>::type bits;
 
-    WARPCAM_FN int place() const { return int(bits >> SHIFT); }
-    WARPCAM_FN unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
+    WARPCAM_DEVICE int place() const { return int(bits >> SHIFT); }
+    WARPCAM_DEVICE unsigned edge() const { return bits & ((1u << SHIFT) - 1); }
 };
 
 // Pixels that a block smooths together.
-template <int TYPES> struct Chunk {
+template <int TYPES> struct SampleBatch {
     static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     static constexpr int MOST = most_together(TYPES);
 
@@ -45,50 +45,50 @@ template <int TYPES> struct Chunk {
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
-    // That are traced: 4 * the pixel's number + the sample's. From the front on those whose rays are likely to take
-    // long, which begin first, from the back on the others.
+    // Samples to trace: 4 * the pixel's number + the sample's. Samples whose rays are likely to take long fill the
+    // array from the front, and start first; the others fill it from the back.
     unsigned short samples[SAMPLES * MOST];
     unsigned char shown[SAMPLES * MOST];  // by which of the pixels around; where there are meshes first what was hit
     SampleHit hits[HAS_MESH ? SAMPLES * MOST : 1];  // of the samples
     int before, after;                        // of `samples`: how many at the front, and at the back
     int next;                                 // which comes next
 
-    WARPCAM_FN int place(int pixel) const { return pixels[pixel].place(); }
-    WARPCAM_FN int total() const { return before + after; }
-    WARPCAM_FN int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
-    WARPCAM_FN unsigned short sample(int number) const { return samples[index(number)]; }
-    WARPCAM_FN unsigned short& sample(int number) { return samples[index(number)]; }
+    WARPCAM_DEVICE int place(int pixel) const { return pixels[pixel].place(); }
+    WARPCAM_DEVICE int total() const { return before + after; }
+    WARPCAM_DEVICE int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
+    WARPCAM_DEVICE unsigned short sample(int number) const { return samples[index(number)]; }
+    WARPCAM_DEVICE unsigned short& sample(int number) { return samples[index(number)]; }
 };
 
 // The records as trace_rays() reads a list.
 struct Ranked {
     struct Itself {
-        WARPCAM_FN int operator[](int rank) const { return rank; }
+        WARPCAM_DEVICE int operator[](int rank) const { return rank; }
     };
-    const Record* records;
+    const ShapeRecord* records;
     Itself order;
     int count;
 };
 
 // The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
 template <int TYPES, int LENS, class HeightFields>
-WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, const ViewRay<LENS>& ray, float near,
+WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsigned own, const CameraRay<LENS>& ray, float near,
                           const HeightFields& fields, const Band& ground, Hit& hit)
 {
     for (; walked; walked &= walked - 1) {
-        const int rank = lowest_bit(walked);
-        const Record& record = records[rank];
+        const int rank = ctz(walked);
+        const ShapeRecord& record = records[rank];
         const bool mine = own >> rank & 1;
         if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
             if (mine) {
-                Hit within { lower(hit.depth, ground.last), -1, -1 };
-                walk_height_field(fields, record, ray, upper(near, ground.first), within);
+                Hit within { min(hit.depth, ground.last), -1, -1 };
+                walk_height_field(fields, record, ray, max(near, ground.first), within);
                 if (within.shape >= 0)
                     hit = within;
             }
             __syncwarp();
         } else {
-            const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+            const float t = intersect_any<analytic_types(TYPES)>(record, ray.local(record));
             if (mine && t < hit.depth && t > near) {
                 hit.depth = t;
                 hit.shape = record.axis_y.w;
@@ -99,8 +99,8 @@ WARPCAM_FN void trace_own(const Record* records, unsigned walked, unsigned own, 
 
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
 template <int TYPES, int LENS, class Centres>
-WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
-                             const Seen<LENS, Centres>& seen, const Region& region)
+WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
+                             const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
@@ -111,11 +111,11 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     const auto include = [&](int k, int rank) {
 #pragma unroll
         for (int w = 0; w < NEAR_WORDS; ++w) {
-            const unsigned bit = rank / LANES == w ? 1u << rank % LANES : 0;
+            const unsigned bit = rank / WARP_SIZE == w ? 1u << rank % WARP_SIZE : 0;
             own[w] |= bit;
-            if (Chunk<TYPES>::HAS_MESH)
+            if (SampleBatch<TYPES>::HAS_MESH)
                 meshes_at |= unsigned((bit & list.meshes[w]) != 0) << k;
-            if (Chunk<TYPES>::HAS_FIELD && bit) {
+            if (SampleBatch<TYPES>::HAS_FIELD && bit) {
                 const bool is_field = bit & list.fields[w];
                 fields_at |= unsigned(is_field) << k;
                 others_at |= unsigned(!is_field) << k;
@@ -148,18 +148,18 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
             include(k, rank);
         }
     }
-    if (Chunk<TYPES>::HAS_MESH || Chunk<TYPES>::HAS_FIELD)
+    if (SampleBatch<TYPES>::HAS_MESH || SampleBatch<TYPES>::HAS_FIELD)
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
             const float depth = seen.depth(seen.around(i, j, k));
-            if (Chunk<TYPES>::HAS_MESH && (meshes_at >> k & 1))
+            if (SampleBatch<TYPES>::HAS_MESH && (meshes_at >> k & 1))
                 on_meshes.include(depth);
-            if (Chunk<TYPES>::HAS_FIELD && (fields_at >> k & 1))
+            if (SampleBatch<TYPES>::HAS_FIELD && (fields_at >> k & 1))
                 on_fields.include(depth);
-            if (Chunk<TYPES>::HAS_FIELD && (others_at >> k & 1))
+            if (SampleBatch<TYPES>::HAS_FIELD && (others_at >> k & 1))
                 others.include(depth);
         }
-    if (Chunk<TYPES>::HAS_FIELD) {
+    if (SampleBatch<TYPES>::HAS_FIELD) {
         const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
         chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
         for (int w = 0; w < NEAR_WORDS; ++w)
@@ -167,9 +167,9 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
     }
     for (int w = 0; w < NEAR_WORDS; ++w)
         chunk.own[pixel][w] = own[w];
-    if (Chunk<TYPES>::HAS_MESH)
+    if (SampleBatch<TYPES>::HAS_MESH)
         chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
-    if (Chunk<TYPES>::HAS_FIELD)
+    if (SampleBatch<TYPES>::HAS_FIELD)
         chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
     int meshes = 0;
     for (int w = 0; w < NEAR_WORDS; ++w)
@@ -189,18 +189,18 @@ WARPCAM_FN void list_samples(Chunk<TYPES>& chunk, int pixel, const NearShapes& l
 
 // Traces the samples of a chunk; each warp takes 32 at a time.
 template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
-WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
-                              const HeightFields& fields, const Camera& camera, const Seen<LENS, Centres>& seen,
+WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
+                              const HeightFields& fields, const Camera& camera, const EdgeTester<LENS, Centres>& seen,
                               const Region& region)
 {
-    constexpr bool HAS_MESH = Chunk<TYPES>::HAS_MESH, HAS_FIELD = Chunk<TYPES>::HAS_FIELD;
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
+    constexpr bool HAS_MESH = SampleBatch<TYPES>::HAS_MESH, HAS_FIELD = SampleBatch<TYPES>::HAS_FIELD;
+    const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float near = camera.near;
     const auto ray_of = [&](int sample) {
         const int pixel = sample / SAMPLES, at = chunk.place(pixel);
-        const ViewRay<LENS> ray
+        const CameraRay<LENS> ray
             = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
-        return ClippedRay<LENS> { ray, HAS_MESH ? upper(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
+        return ClippedRay<LENS> { ray, HAS_MESH ? max(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
     };
     const auto show = [&](int sample, const Hit& hit) {
         const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
@@ -222,7 +222,7 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         }
     };
     const auto next_rays = [&](int& found) {
-        const int first = __shfl_sync(ALL, lane == 0 ? atomicAdd(&chunk.next, LANES) : 0, 0);
+        const int first = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&chunk.next, WARP_SIZE) : 0, 0);
         const int total = chunk.total();
         if (first >= total)
             return false;
@@ -235,20 +235,20 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
         for (int w = 0; w < NEAR_WORDS; ++w) {
             around[w] = active ? chunk.own[pixel][w] : 0;
             if (w < words)
-                trace_own<TYPES, LENS>(list.records + w * LANES, bits_of_all(around[w]) & ~list.meshes[w], around[w],
+                trace_own<TYPES, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w], around[w],
                                        ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
         }
         if (active)
             store(sample, hit);
         if constexpr (HAS_MESH) {
-            const float until = lower(hit.depth, chunk.meshes[pixel].last);
+            const float until = min(hit.depth, chunk.meshes[pixel].last);
             bool meets = false;
 #pragma unroll
             for (int w = 0; w < NEAR_WORDS; ++w) {
                 met[w] = around[w] & list.meshes[w];
                 meets |= met[w] != 0;
             }
-            const unsigned meeting = __ballot_sync(ALL, meets);
+            const unsigned meeting = __ballot_sync(FULL_WARP, meets);
             const int at = waiting.put(meeting, met, words, sample);
             if (meets)
                 waiting.depth[at] = until;
@@ -259,7 +259,7 @@ WARPCAM_FN void trace_samples(Chunk<TYPES>& chunk, const NearShapes& list, Rays&
     };
     if constexpr (HAS_MESH) {
         trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
-        block_barrier();
+        block_sync();
         if constexpr (Centres::PLACED) {
             show_samples<TYPES, IMAGES>(chunk, list, meshes, camera, seen, region);
             return;

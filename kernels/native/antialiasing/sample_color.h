@@ -1,5 +1,5 @@
-// Which pixel shows what a sample has hit, where ids are near: as shown_sample() has it, but the colours around are
-// loaded at once, and faces only where colours differ.
+// Selects the pixel that shows what a sample has hit, where ids are cached: as shown_sample() does, but loads the
+// colours around at once, and faces only where colours differ.
 #pragma once
 #include "antialiasing/neighborhood.h"
 #include "antialiasing/neighbor_shapes.h"
@@ -8,16 +8,16 @@
 namespace warpcam {
 
 template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct PlacedShower {
-    const Seen<LENS, Centres>& seen;
+    const EdgeTester<LENS, Centres>& seen;
     const Meshes& meshes;
     const Camera& camera;
     int i, j, sample;
     unsigned nine[9];  // the colours around, row after row
 
-    WARPCAM_FN unsigned pixel_of(int place) const { return seen.at(i + Around::right(place), j + Around::down(place)); }
+    WARPCAM_DEVICE unsigned pixel_of(int place) const { return seen.at(i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place)); }
 
     // The pixels around that show a shape, by place; it is negative for none.
-    WARPCAM_FN unsigned showing(int shape) const
+    WARPCAM_DEVICE unsigned showing(int shape) const
     {
         unsigned places = 0;
 #pragma unroll
@@ -29,7 +29,7 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         return places & (j + 1 < seen.centres.target.height ? 0x777u : 0x077u);
     }
 
-    WARPCAM_FN unsigned colour(int place) const
+    WARPCAM_DEVICE unsigned colour(int place) const
     {
         unsigned found = nine[4];
 #pragma unroll
@@ -37,25 +37,25 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
             found = place == k / 3 * 4 + k % 3 ? nine[k] : found;
         return found;
     }
-    WARPCAM_FN unsigned unlike(unsigned colour) const
+    WARPCAM_DEVICE unsigned unlike(unsigned colour) const
     {
         unsigned places = 0;
 #pragma unroll
         for (int k = 0; k < 9; ++k)
-            places |= unsigned(bytes_differ(nine[k], colour, FAINT)) << (k / 3 * 4 + k % 3);
+            places |= unsigned(bytes_differ(nine[k], colour, COLOR_TOLERANCE)) << (k / 3 * 4 + k % 3);
         return places;
     }
 
-    // Whether depths, faces or sides must be compared to tell which pixel shows `shape`: what is seen there, if it is
-    // not what the sample `hits` what lies behind all else or, negative, nothing. `best_at` is the nearest that shows
+    // True if depths, faces or sides must be compared to select the pixel that shows `shape`: what is seen there if the
+    // sample `hits`, else what lies behind all else or, negative, nothing. `best_at` is the nearest pixel that shows
     // it, `left` are the others.
-    WARPCAM_FN bool is_open(int shape, int face, bool hits, const Record& record, unsigned edge, int& best_at,
+    WARPCAM_DEVICE bool is_open(int shape, int face, bool hits, const ShapeRecord& record, unsigned edge, int& best_at,
                             unsigned& left)
     {
-        unsigned order = Around::order(sample);
+        unsigned order = Neighborhood3x3::order(sample);
         left = showing(shape);
-        best_at = Around::MIDDLE;
-        if (!left || ((left >> Around::MIDDLE & 1) && (edge & PLAIN)))
+        best_at = Neighborhood3x3::MIDDLE;
+        if (!left || ((left >> Neighborhood3x3::MIDDLE & 1) && (edge & PLAIN)))
             return false;
         for (; !(left >> best_at & 1); order >>= 4)
             best_at = order & 15;
@@ -69,24 +69,24 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
     }
 
     // The best of these then.
-    WARPCAM_FN int best(int best_at, unsigned left, float depth, int face, const Record& record)
+    WARPCAM_DEVICE int best(int best_at, unsigned left, float depth, int face, const ShapeRecord& record)
     {
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
-        unsigned apart = unlike(colour(best_at)), order = Around::order(sample);
+        unsigned apart = unlike(colour(best_at)), order = Neighborhood3x3::order(sample);
         const int type = record.axis_x.w;
         const bool is_face = type == MESH && face >= 0, is_sided = (TYPES & (1 << BOX | 1 << CYLINDER)) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
-        Vec normal { 0.0f, 0.0f, 0.0f };
+        Vec3 normal { 0.0f, 0.0f, 0.0f };
         int part = -1;
         if (is_face)
             normal = normal_of(face);
         else if (is_sided)
             part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
         const auto apart_from = [&](int place) {
-            const float right = float(Around::right(place)) - offset.right,
-                        down = float(Around::down(place)) - offset.down;
+            const float right = float(Neighborhood3x3::right(place)) - offset.right,
+                        down = float(Neighborhood3x3::down(place)) - offset.down;
             return right * right + down * down;
         };
         const auto cost_of = [&](int place, float most) {  // or what it is at least, if that is so much
@@ -98,10 +98,10 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
                 const int its = int(seen.centres.target.face.data[seen.centres.of_images(pixel)]);
                 return cost + TURNED * (1.0f - dot(normal, normal_of(its)));
             }
-            const auto its = view_ray<LENS>(camera, i + Around::right(place), j + Around::down(place));
+            const auto its = view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
             return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
         };
-        float least = cost_of(best_at, FAR_AWAY);
+        float least = cost_of(best_at, MISS);
         while (true) {
             int place = -1;  // the next that is unlike, for all lanes before any goes on
 #pragma unroll 1
@@ -124,19 +124,19 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
 // Says which pixels show all samples of a chunk. Each warp first looks at those it takes, and then, in full warps, at
 // those of which that is not told by shapes and colours.
 template <int TYPES, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
-WARPCAM_FN void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
-                             const Seen<LENS, Centres>& seen, const Region& region)
+WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
+                             const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     static_assert(sizeof(chunk.own) >= sizeof(chunk.samples), "what is open has room where shapes were");
     unsigned short* const open_of =
         reinterpret_cast<unsigned short*>(chunk.own);  // the others, and above them the nearest
-    const int lane = threadIdx.x % LANES, begin = threadIdx.x - lane, total = chunk.total();
+    const int lane = threadIdx.x % WARP_SIZE, begin = threadIdx.x - lane, total = chunk.total();
     using Shower = PlacedShower<TYPES, IMAGES, LENS, Meshes, Centres>;
     const auto shower_of = [&](int sample) {
         const int at = chunk.place(sample / SAMPLES);
         return Shower { seen, meshes, camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES };
     };
-    const auto record_of = [&](int rank) -> const Record& { return list.records[rank < NEAR_SHAPES ? rank : 0]; };
+    const auto record_of = [&](int rank) -> const ShapeRecord& { return list.records[rank < NEAR_SHAPES ? rank : 0]; };
     int open = 0;
 #pragma unroll 1
     for (int first = begin; first < total; first += THREADS) {
@@ -150,11 +150,11 @@ WARPCAM_FN void show_samples(Samples& chunk, const List& list, const Meshes& mes
         const bool asks =
             shower.is_open(shown < NEAR_SHAPES ? list.records[shown].origin.w : -1, chunk.hits[sample].face,
                            rank < NEAR_SHAPES, record_of(rank), chunk.pixels[sample / SAMPLES].edge(), best_at, left);
-        const unsigned asking = __ballot_sync(ALL, active && asks);
+        const unsigned asking = __ballot_sync(FULL_WARP, active && asks);
         __syncwarp();
         if (asking >> lane & 1) {
             const int number = open + __popc(asking & ((1u << lane) - 1));
-            chunk.sample(begin + number / LANES * THREADS + number % LANES) = static_cast<unsigned short>(sample);
+            chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE) = static_cast<unsigned short>(sample);
             open_of[sample] = static_cast<unsigned short>(left | unsigned(best_at) << 12);
         } else if (active) {
             chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
@@ -163,8 +163,8 @@ WARPCAM_FN void show_samples(Samples& chunk, const List& list, const Meshes& mes
     }
     __syncwarp();
 #pragma unroll 1
-    for (int number = lane; number < open; number += LANES) {
-        const int sample = chunk.sample(begin + number / LANES * THREADS + number % LANES);
+    for (int number = lane; number < open; number += WARP_SIZE) {
+        const int sample = chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE);
         const unsigned its = open_of[sample];
         const int best_at = shower_of(sample).best(int(its >> 12), its & 0xfffu, chunk.hits[sample].depth,
                                                    chunk.hits[sample].face, record_of(chunk.shown[sample]));

@@ -6,15 +6,15 @@
 namespace warpcam {
 
 // Rows of a region are 64 pixels apart in a pixel's place.
-WARPCAM_FN int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
+WARPCAM_DEVICE int place_of(const Region& region, int i, int j) { return (j - region.top) * 64 + (i - region.left); }
 
 // Some rows of numbers from one array to another, by all threads of a block.
 template <class Number>
-WARPCAM_FN void copy_rows(const Number* from, Number* to, size_t first, int line, int width, int height)
+WARPCAM_DEVICE void copy_rows(const Number* from, Number* to, size_t first, int line, int width, int height)
 {
 #if defined(__CUDA_ARCH__)
-    constexpr int STEP = LANES, ROWS = THREADS / LANES, BATCH = 8;  // rows that a warp has under way
-    const int column = threadIdx.x % LANES, row = threadIdx.x / LANES;
+    constexpr int STEP = WARP_SIZE, ROWS = THREADS / WARP_SIZE, BATCH = 8;  // rows that a warp has under way
+    const int column = threadIdx.x % WARP_SIZE, row = threadIdx.x / WARP_SIZE;
 #else
     constexpr int STEP = 1, ROWS = 1, BATCH = 1, column = 0, row = 0;
 #endif
@@ -24,7 +24,7 @@ WARPCAM_FN void copy_rows(const Number* from, Number* to, size_t first, int line
             Number numbers[BATCH];
 #pragma unroll
             for (int n = 0; n < BATCH; ++n)
-                numbers[n] = from[first + size_t(lower_int(j + n * ROWS, height - 1)) * line + k];
+                numbers[n] = from[first + size_t(min(j + n * ROWS, height - 1)) * line + k];
 #pragma unroll
             for (int n = 0; n < BATCH; ++n)
                 if (j + n * ROWS < height)
@@ -34,10 +34,10 @@ WARPCAM_FN void copy_rows(const Number* from, Number* to, size_t first, int line
 
 // The images of a region as they were lit, where no edge is: to all of it, before there are means. `first` is the
 // view's first pixel in the images.
-template <int IMAGES, class Target> WARPCAM_FN void copy_lit(const Target& target, const Region& region, size_t first)
+template <int IMAGES, class Target> WARPCAM_DEVICE void copy_lit(const Target& target, const Region& region, size_t first)
 {
-    const int width = lower_int(region.width, target.width - region.left);
-    const int height = lower_int(region.height, target.height - region.top);
+    const int width = min(region.width, target.width - region.left);
+    const int height = min(region.height, target.height - region.top);
     const auto copy = [&](const auto& from, const auto& to, int channels) {  // of four bytes, or of as many
         copy_rows(from, to, channels * (first + size_t(region.top) * target.width + region.left),
                   channels * target.width, channels * width, height);
@@ -60,7 +60,7 @@ template <int IMAGES, class Target> WARPCAM_FN void copy_lit(const Target& targe
 
 // The mean of the pixels that a pixel's samples show, of 8 bits a channel.
 template <int IMAGES, class Centres>
-WARPCAM_FN unsigned mean_bytes(const Centres& centres, const unsigned (&shown)[SAMPLES])
+WARPCAM_DEVICE unsigned mean_bytes(const Centres& centres, const unsigned (&shown)[SAMPLES])
 {
     constexpr unsigned EVERY_OTHER = 0x00ff00ff;
     unsigned even = 0x00020002, odd = 0x00020002;  // half of four, rounding up
@@ -74,7 +74,7 @@ WARPCAM_FN unsigned mean_bytes(const Centres& centres, const unsigned (&shown)[S
 }
 
 // Writes it at the pixel's index in the images.
-template <int IMAGES, class Target> WARPCAM_FN void put_bytes(const Target& target, size_t at, unsigned mean)
+template <int IMAGES, class Target> WARPCAM_DEVICE void put_bytes(const Target& target, size_t at, unsigned mean)
 {
     for (int k = 0; k < 3 && (IMAGES & SMOOTH_RGB); ++k)
         target.smooth_rgb.data[3 * at + k] = static_cast<unsigned char>(mean >> 8 * k);
@@ -84,7 +84,7 @@ template <int IMAGES, class Target> WARPCAM_FN void put_bytes(const Target& targ
 
 // Writes the means of the pixels that a pixel's samples show, at its index in the images.
 template <int IMAGES, class Centres>
-WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
+WARPCAM_DEVICE void put_means(const Centres& centres, size_t at, const unsigned (&shown)[SAMPLES])
 {
     const auto& target = centres.target;
     if (IMAGES & (SMOOTH_RGB | SMOOTH_RGBA))
@@ -101,50 +101,50 @@ WARPCAM_FN void put_means(const Centres& centres, size_t at, const unsigned (&sh
 // The record of a shape as the view sees it, with its id at the origin; false if it is not seen. Who lists it gives it
 // its place in the list for an id: what is hit then leads to it.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
-WARPCAM_FN bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Camera& camera, const Region& region, int world, int id, Record& record)
+WARPCAM_DEVICE bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+                              const Camera& camera, const Region& region, int world, int id, ShapeRecord& record)
 {
-    TileBox tiles;
-    const bool seen = prepare<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record,
+    TileRect tiles;
+    const bool seen = setup_shape<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record,
                                                   tiles)
         == SEEN;
     record.origin.w = id;
     return seen;
 }
 
-template <class Meshes> WARPCAM_FN Vec face_normal(const Meshes& meshes, unsigned first, int face)
+template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, unsigned first, int face)
 {
     const unsigned row = first + unsigned(face * FACE_ROWS);
-    const Vec corner = to_vec(load(meshes.faces.data, row));
-    return normalized(cross(to_vec(load(meshes.faces.data, row + 1)) - corner,
-                            to_vec(load(meshes.faces.data, row + 2)) - corner));
+    const Vec3 corner = as_vec3(load(meshes.faces.data, row));
+    return normalized(cross(as_vec3(load(meshes.faces.data, row + 1)) - corner,
+                            as_vec3(load(meshes.faces.data, row + 2)) - corner));
 }
 
-// Whether a shape, which may be none, has sides that meet in edges.
-template <int TYPES, class Shapes> WARPCAM_FN bool has_sides(const Shapes& shapes, int shape)
+// True if a shape, which may be none, has sides that meet in edges.
+template <int TYPES, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
 {
     constexpr int SIDED = TYPES & (1 << MESH | 1 << BOX | 1 << CYLINDER);
     return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
 }
 
-// Which of its smooth parts a shape shows at a depth of a ray: a box's sides, a cylinder's side and ends.
-template <int LENS> WARPCAM_FN int part_at(const Record& record, const ViewRay<LENS>& ray, float depth)
+// Smooth part that a shape shows at a depth of a ray: a box's side, or a cylinder's side or end.
+template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
 {
     const Ray local = ray.local(record);
-    const Vec p = local.origin + depth * local.direction;
+    const Vec3 p = local.origin + depth * local.direction;
     const float x = p.x * p.x, y = p.y * p.y, z = p.z * p.z;
     if (record.axis_x.w == CYLINDER)
         return x + y < z;
     return x > y && x > z ? 0 : y > z ? 1 : 2;
 }
 
-// Which pixel shows what a sample of pixel (i, j) has hit: show(sided, turned) says it as Seen::shown() has it. Two
-// surfaces that meet in an edge are near each other in depth, but not of one colour: so it counts how a mesh's face is
-// turned from those of the pixels around, and whether these show the same side. `record` is that of the shape hit,
-// `edge` what edge() says of the pixel.
+// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, turned) selects as
+// EdgeTester::shown() does. Two surfaces that meet in an edge are near each other in depth, but differ in colour: so
+// the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
+// side. `record` is that of the shape hit, `edge` the pixel's edge().
 template <int TYPES, int LENS, class Meshes, class Centres, class Show>
-WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                            int sample, float depth, int face, const Record& record, unsigned edge, const Show& show)
+WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
+                            int sample, float depth, int face, const ShapeRecord& record, unsigned edge, const Show& show)
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
@@ -153,7 +153,7 @@ WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshe
     const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;
     const bool is_sided = SIDED && (type == BOX || type == CYLINDER);
     const unsigned rows = as_int(record.size.z);
-    Vec normal { 0.0f, 0.0f, 0.0f };
+    Vec3 normal { 0.0f, 0.0f, 0.0f };
     if (is_face)
         normal = face_normal(meshes, rows, face);
     const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
@@ -171,8 +171,8 @@ WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshe
 }
 
 template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
-WARPCAM_FN int shown_sample(const Seen<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                            int sample, float depth, int face, const Record& record, unsigned edge)
+WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
+                            int sample, float depth, int face, const ShapeRecord& record, unsigned edge)
 {
     return shown_sample<TYPES>(
         seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {

@@ -1,4 +1,4 @@
-// What the builder of a mesh's tree works on: boxes, shares of faces, nodes of the binary tree.
+// Data of the mesh tree builder: boxes, shares of faces, nodes of the binary tree.
 #pragma once
 
 namespace warpcam {
@@ -57,7 +57,7 @@ struct Box {
 };
 
 // A face, or the share of it that lies in a box, on its way to its leaf.
-struct Item {
+struct BuildPrim {
     Box box;
     int face;
     unsigned char bin[3];  // along x, y, z
@@ -75,7 +75,7 @@ struct Faces {
 
 // A node of the binary tree. Children come after their parents. In one of at most kSweep items, these are [first, first
 // + count).
-struct Branch {
+struct BuildNode {
     Box box;
     int first, count;       // where its items start, and how many there are
     int child;              // the first of two in a row; 0 where count is 1

@@ -22,7 +22,7 @@ constexpr int kScratch = 320;            // bytes a face
 // Places for items: faces, and what cutting them adds.
 constexpr int room_for(int num_faces) { return 2 * num_faces; }
 
-inline void read_items(const Faces& mesh, int num_faces, Item* items)
+inline void read_items(const Faces& mesh, int num_faces, BuildPrim* items)
 {
     for (int f = 0; f < num_faces; ++f) {
         items[f] = {Box::empty(), f, {0, 0, 0}};
@@ -32,17 +32,17 @@ inline void read_items(const Faces& mesh, int num_faces, Item* items)
 
 // Gives a node's items to two children. Returns where in its `room` places the second's start; `sizes` become the
 // children's.
-inline int divide(const Faces& mesh, Item* items, int count, int room, int limit, const Box& box, const Box& centers,
+inline int divide(const Faces& mesh, BuildPrim* items, int count, int room, int limit, const Box& box, const Box& centers,
                   double root_area, int* sizes)
 {
     int first = 0;
     if (count <= kSweep) {
         first = split_few(items, count, limit);
     } else {
-        Split split = find_split(items, count, limit, centers);
+        ObjectSplit split = find_split(items, count, limit, centers);
         bool worse = split.first == 0 || split.overlap > kOverlap * root_area;
         if (worse && room > count) {
-            Cut cut = find_cut(mesh, items, count, limit, room - count, box);
+            SpatialSplit cut = find_cut(mesh, items, count, limit, room - count, box);
             Parts parts = {};
             if (cut.cost < split.cost) parts = part(mesh, items, count, room, limit, cut);
             if (parts.second > 0) {
@@ -71,7 +71,7 @@ inline int divide(const Faces& mesh, Item* items, int count, int room, int limit
 // A node at depth d parts so that no part is larger than what halving alone could still bring down to a leaf by
 // kMaxHeight. While the heuristic keeps to that it chooses; meshes that lead it to peel off face after face get halved
 // instead.
-inline int grow(const Faces& mesh, Item* items, int num_items, int room, Branch* branches)
+inline int grow(const Faces& mesh, BuildPrim* items, int num_items, int room, BuildNode* branches)
 {
     struct Todo { int branch, depth, room; } stack[kMaxHeight + kMaxLeaf + 2];
     int top = 0, used = 1;
@@ -81,8 +81,8 @@ inline int grow(const Faces& mesh, Item* items, int num_items, int room, Branch*
     stack[top++] = {0, 0, room};
     while (top > 0) {
         Todo todo = stack[--top];
-        Branch& branch = branches[todo.branch];
-        Item* own = items + branch.first;
+        BuildNode& branch = branches[todo.branch];
+        BuildPrim* own = items + branch.first;
         int count = branch.count;
         branch.box = Box::empty();
         branch.child = 0;
@@ -117,12 +117,12 @@ inline float leaf_cost(int faces)
 // Finds for each binary node, from the bottom up, the cheapest forest of 1, 2 and 3 wide nodes or leaves over its
 // faces. The cost of a node or a face is its chance to be met by a ray that meets the root (the ratio of areas) times
 // the work it then makes.
-inline void plan(Branch* branches, int num_branches, float (*leaf_cost)(int) = bvh4_build::leaf_cost)
+inline void plan(BuildNode* branches, int num_branches, float (*leaf_cost)(int) = bvh4_build::leaf_cost)
 {
     double whole = branches[0].box.area();
     double scale = whole > 0. ? 1. / whole : 0.;
     for (int i = num_branches - 1; i >= 0; --i) {
-        Branch& branch = branches[i];
+        BuildNode& branch = branches[i];
         if (branch.child > 0) {  // cut faces fill less than their boxes did
             branch.box = branches[branch.child].box;
             branch.box.grow(branches[branch.child + 1].box);
@@ -134,7 +134,7 @@ inline void plan(Branch* branches, int num_branches, float (*leaf_cost)(int) = b
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
         branch.cost[0] = branch.cost[1] = branch.cost[2] = as_leaf;
         if (branch.count == 1) continue;
-        const Branch &a = branches[branch.child], &b = branches[branch.child + 1];
+        const BuildNode &a = branches[branch.child], &b = branches[branch.child + 1];
         if (branch.count > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
         float two = a.cost[0] + b.cost[0];
         bool near = a.cost[0] + b.cost[1] < a.cost[1] + b.cost[0];
@@ -153,14 +153,14 @@ inline void plan(Branch* branches, int num_branches, float (*leaf_cost)(int) = b
 }
 
 // The binary nodes that become the children of the wide node made of `root`. Returns how many.
-inline int open_planned(const Branch* branches, int root, int* children)
+inline int open_planned(const BuildNode* branches, int root, int* children)
 {
-    struct Share { int branch, nodes; } stack[4];
+    struct LightWeights { int branch, nodes; } stack[4];
     int top = 0, count = 0;
     stack[top++] = {root, 4};
     while (top > 0) {
-        Share share = stack[--top];
-        const Branch& branch = branches[share.branch];
+        LightWeights share = stack[--top];
+        const BuildNode& branch = branches[share.branch];
         int left = share.nodes > 1 ? branch.left[share.nodes] : 0;
         if (left > 0) {
             stack[top++] = {branch.child + 1, share.nodes - left};
@@ -174,8 +174,8 @@ inline int open_planned(const Branch* branches, int root, int* children)
     return count;
 }
 
-// The same, two binary levels down: the wide tree is then half as deep as the binary one.
-inline int open_two_levels(const Branch* branches, int root, int* children)
+// Opens a node two binary levels down: the wide tree is then half as deep as the binary one.
+inline int open_two_levels(const BuildNode* branches, int root, int* children)
 {
     int count = 0;
     for (int side = 0; side < 2; ++side) {
@@ -203,7 +203,7 @@ struct Size {
 // Writes the wide tree, parents before children, and the faces of its leaves to `order`. `levels` is how many levels a
 // node and what is below it may take: a node that its plan would make deeper is opened two binary levels instead, which
 // always fits, since its height is never more than 2 * levels.
-inline Size flatten(const Branch* branches, const Item* items, float* rows, int* order)
+inline Size flatten(const BuildNode* branches, const BuildPrim* items, float* rows, int* order)
 {
     struct Todo { int branch, node, levels; } stack[3 * kMaxDepth + 1];
     int top = 0;
@@ -211,7 +211,7 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
     stack[top++] = {0, 0, kMaxDepth};
     while (top > 0) {
         Todo todo = stack[--top];
-        const Branch& branch = branches[todo.branch];
+        const BuildNode& branch = branches[todo.branch];
         int below = todo.levels - 1;
         auto is_leaf = [&](int child) {
             return branches[child].leaf || (below == 0 && branches[child].count <= kMaxLeaf);
@@ -227,7 +227,7 @@ inline Size flatten(const Branch* branches, const Item* items, float* rows, int*
         }
         size.depth = larger(size.depth, kMaxDepth - below);
         for (int k = 0; k < 4; ++k) {
-            const Branch* child = k < count ? branches + children[k] : nullptr;
+            const BuildNode* child = k < count ? branches + children[k] : nullptr;
             for (int axis = 0; axis < 3; ++axis) {
                 put(rows, 7 * todo.node + axis, k, child ? child->box.lower[axis] : kAbsent);
                 put(rows, 7 * todo.node + 3 + axis, k, child ? child->box.upper[axis] : kAbsent);
@@ -263,13 +263,13 @@ inline void write_faces(const Faces& mesh, const int* order, int count, float* r
 inline Size build(const float* vertices, const int* faces, int num_faces, void* scratch, float* node_rows,
                   float* face_rows)
 {
-    static_assert(2 * sizeof(Item) + 4 * sizeof(Branch) + 2 * sizeof(int) <= kScratch, "scratch is too small");
+    static_assert(2 * sizeof(BuildPrim) + 4 * sizeof(BuildNode) + 2 * sizeof(int) <= kScratch, "scratch is too small");
     static_assert(kMaxLeaf <= kSweep, "the items of a leaf must lie in a row, and be of different faces");
     static_assert(room_for(kMaxFaces) <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
     Faces mesh = {vertices, faces};
     int room = room_for(num_faces);
-    Item* items = (Item*)scratch;
-    Branch* branches = (Branch*)(items + room);
+    BuildPrim* items = (BuildPrim*)scratch;
+    BuildNode* branches = (BuildNode*)(items + room);
     int* order = (int*)(branches + 2 * room);
     read_items(mesh, num_faces, items);
     int num_branches = grow(mesh, items, num_faces, room, branches);

@@ -8,23 +8,22 @@ namespace warpcam {
 
 constexpr int MOST_VISITS = 1024;  // of nodes and leaves, by one face
 
-// Where something lies, by a face's own axes: how far along and across from any place on the face, and how high it
-// rises.
+// Extent of an object in a face's own axes: distances along and across from any point of the face, and height above it.
 struct FromFace {
     float left, right, low, high, rise;
 };
 
 // A face that looks around.
-struct Onlooker {
+struct HorizonSampler {
     static constexpr int LEAST = 2;  // what rises less counts as high as this: rays do not begin quite on the face
 
-    Vec corners[3], places[3];  // places: along the axes
+    Vec3 corners[3], places[3];  // places: along the axes
     FaceAxes axes;
-    Vec least, most;  // of its corners, along its axes
+    Vec3 least, most;  // of its corners, along its axes
     float slack;      // more than rounding moves what the mesh has
     unsigned risen;   // four bits a sector: 15 - clearance
 
-    WARPCAM_FN explicit Onlooker(const Vec (&its)[3], float extent)
+    WARPCAM_DEVICE explicit HorizonSampler(const Vec3 (&its)[3], float extent)
         : corners { its[0], its[1], its[2] }, axes(face_axes(its[0], its[1], its[2])), slack(1.0e-6f * extent), risen(0)
     {
         for (int k = 0; k < 3; ++k)
@@ -34,51 +33,51 @@ struct Onlooker {
             risen |= unsigned(LEAST) << 4 * sector;
     }
 
-    WARPCAM_FN static void bounds(const Vec (&points)[3], Vec& from, Vec& to)
+    WARPCAM_DEVICE static void bounds(const Vec3 (&points)[3], Vec3& from, Vec3& to)
     {
         from = to = points[0];
         for (int k = 1; k < 3; ++k) {
-            const Vec p = points[k];
-            from = { lower(from.x, p.x), lower(from.y, p.y), lower(from.z, p.z) };
-            to = { upper(to.x, p.x), upper(to.y, p.y), upper(to.z, p.z) };
+            const Vec3 p = points[k];
+            from = { min(from.x, p.x), min(from.y, p.y), min(from.z, p.z) };
+            to = { max(to.x, p.x), max(to.y, p.y), max(to.z, p.z) };
         }
     }
 
-    // Of what lies between two corners of a box along the face's axes.
-    WARPCAM_FN FromFace around(Vec from, Vec to) const
+    // Extent of a box, given by two corners along the face's axes.
+    WARPCAM_DEVICE FromFace around(Vec3 from, Vec3 to) const
     {
         return { from.x - most.x - slack, to.x - least.x + slack, from.y - most.y - slack, to.y - least.y + slack,
                  to.z - least.z };
     }
 
-    WARPCAM_FN FromFace around_box(Vec center, Vec half) const
+    WARPCAM_DEVICE FromFace around_box(Vec3 center, Vec3 half) const
     {
-        const auto reach = [&](Vec n) {
-            return magnitude(n.x) * half.x + magnitude(n.y) * half.y + magnitude(n.z) * half.z;
+        const auto reach = [&](Vec3 n) {
+            return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z;
         };
-        const Vec at = axes.of(center), out { reach(axes.along), reach(axes.across), reach(axes.normal) };
+        const Vec3 at = axes.of(center), out { reach(axes.along), reach(axes.across), reach(axes.normal) };
         return around(at - out, at + out);
     }
 
     // Sixteenths, rounded down, of what is so high and so far away.
-    WARPCAM_FN static int sixteenths(float rise, float away_squared)
+    WARPCAM_DEVICE static int sixteenths(float rise, float away_squared)
     {
-        return between(int(16.002f * rise * inverse_root(upper(rise * rise + away_squared, TINY))), LEAST, 15);
+        return clamp(int(16.002f * rise * rsqrt(max(rise * rise + away_squared, MIN_NORMAL))), LEAST, 15);
     }
 
     // The sectors with what lies `around` in them: risen() as it would be, but for more than `most_risen`.
-    WARPCAM_FN unsigned with(const FromFace& it, int most_risen) const
+    WARPCAM_DEVICE unsigned with(const FromFace& it, int most_risen) const
     {
         unsigned all = risen;
         if (it.rise <= slack)
             return all;
 #pragma unroll
         for (int quarter = 0; quarter < 4; ++quarter) {
-            const float x0 = upper(quarter & 1 ? -it.right : it.left, 0.0f), x1 = quarter & 1 ? -it.left : it.right;
-            const float y0 = upper(quarter & 2 ? -it.high : it.low, 0.0f), y1 = quarter & 2 ? -it.low : it.high;
+            const float x0 = max(quarter & 1 ? -it.right : it.left, 0.0f), x1 = quarter & 1 ? -it.left : it.right;
+            const float y0 = max(quarter & 2 ? -it.high : it.low, 0.0f), y1 = quarter & 2 ? -it.low : it.high;
             if (x1 < 0.0f || y1 < 0.0f)
                 continue;
-            const unsigned level = unsigned(lower_int(sixteenths(it.rise, x0 * x0 + y0 * y0), most_risen));
+            const unsigned level = unsigned(min(sixteenths(it.rise, x0 * x0 + y0 * y0), most_risen));
             if (x1 >= y0)
                 all = raised(all, quarter, level);
             if (y1 >= x0)
@@ -87,77 +86,78 @@ struct Onlooker {
         return all;
     }
 
-    WARPCAM_FN static unsigned raised(unsigned all, int sector, unsigned level)
+    WARPCAM_DEVICE static unsigned raised(unsigned all, int sector, unsigned level)
     {
         const unsigned before = all >> 4 * sector & 15u;
         return level > before ? all + ((level - before) << 4 * sector) : all;
     }
 
-    // How steeply another face can rise as seen from this one, as far as that shows along one way in the own plane:
-    // what of it lies `out` beyond all of the own is at least so far away. As heights are to distances, so rises no
-    // point between its corners more steeply than one of these. FAR_AWAY where it does not lie beyond.
-    WARPCAM_FN float steepness(const Vec (&others)[3], float x, float y) const
+    // Bound on the slope at which another face rises as seen from this one, along one direction in this face's plane:
+    // every part of the other face that lies `out` beyond this face is at least that far away. No point between its
+    // corners rises more steeply than one of these ratios of height to distance. MISS if the other face does not lie
+    // beyond.
+    WARPCAM_DEVICE float steepness(const Vec3 (&others)[3], float x, float y) const
     {
-        const float rate = inverse_root(upper(x * x + y * y, TINY));
-        float end = -FAR_AWAY, steepest = 0.0f;
+        const float rate = rsqrt(max(x * x + y * y, MIN_NORMAL));
+        float end = -MISS, steepest = 0.0f;
         for (int k = 0; k < 3; ++k)
-            end = upper(end, rate * (x * places[k].x + y * places[k].y));
+            end = max(end, rate * (x * places[k].x + y * places[k].y));
         for (int k = 0; k < 3; ++k) {
             const float out = rate * (x * others[k].x + y * others[k].y) - end, rise = others[k].z - least.z;
             if (out < -slack || (rise > slack && out <= slack))
-                return FAR_AWAY;
+                return MISS;
             if (rise > slack)
-                steepest = upper(steepest, rise / (out - slack));
+                steepest = max(steepest, rise / (out - slack));
         }
         return steepest;
     }
 
     // Looks at another face.
-    WARPCAM_FN void look_at(const Vec (&others)[3])
+    WARPCAM_DEVICE void look_at(const Vec3 (&others)[3])
     {
-        const Vec there[3] = { axes.of(others[0]), axes.of(others[1]), axes.of(others[2]) };
-        Vec from, to;
+        const Vec3 there[3] = { axes.of(others[0]), axes.of(others[1]), axes.of(others[2]) };
+        Vec3 from, to;
         bounds(there, from, to);
         const FromFace it = around(from, to);
         if (with(it, 15) == risen)
             return;
-        const Vec n = cross(others[1] - others[0], others[2] - others[0]);
-        const float rate = inverse_root(upper(dot(n, n), TINY));
-        float before = FAR_AWAY;
+        const Vec3 n = cross(others[1] - others[0], others[2] - others[0]);
+        const float rate = rsqrt(max(dot(n, n), MIN_NORMAL));
+        float before = MISS;
         for (int k = 0; k < 3; ++k)
-            before = lower(before, rate * dot(n, corners[k] - others[0]));
+            before = min(before, rate * dot(n, corners[k] - others[0]));
         int most_risen = 15;
         // If all of the own lies in front of one that is turned the same way by less than a right angle, rays that rise
         // more than that angle lead away.
-        if (before >= -slack && dot(n, axes.normal) > 0.0f && dot(n, n) > 100.0f * TINY) {
-            const Vec sine = rate * cross(n, axes.normal);
-            most_risen = sixteenths(root(dot(sine, sine)), upper(1.0f - dot(sine, sine), 0.0f));
+        if (before >= -slack && dot(n, axes.normal) > 0.0f && dot(n, n) > 100.0f * MIN_NORMAL) {
+            const Vec3 sine = rate * cross(n, axes.normal);
+            most_risen = sixteenths(sqrt(dot(sine, sine)), max(1.0f - dot(sine, sine), 0.0f));
         }
-        float steepest = FAR_AWAY;  // looking across the edges of both
+        float steepest = MISS;  // looking across the edges of both
         for (int k = 0; k < 3; ++k) {
             const int next = k == 2 ? 0 : k + 1;
-            const Vec own = places[next] - places[k], edge = there[next] - there[k];
-            steepest = lower(steepest, steepness(there, own.y, -own.x));
-            steepest = lower(steepest, lower(steepness(there, edge.y, -edge.x), steepness(there, -edge.y, edge.x)));
+            const Vec3 own = places[next] - places[k], edge = there[next] - there[k];
+            steepest = min(steepest, steepness(there, own.y, -own.x));
+            steepest = min(steepest, min(steepness(there, edge.y, -edge.x), steepness(there, -edge.y, edge.x)));
         }
         if (steepest < 1.0e6f)
-            most_risen = lower_int(most_risen, sixteenths(steepest, 1.0f));
+            most_risen = min(most_risen, sixteenths(steepest, 1.0f));
         risen = with(it, most_risen);
     }
 };
 
 // One of a node's children and its box, as the device has them where no mesh moves: see Meshes.nodes.
 struct NodeChild {
-    Vec low, high;
+    Vec3 low, high;
     int child;
     bool there;
 };
 
 template <class Meshes>
-WARPCAM_FN NodeChild child_of(const Meshes& meshes, unsigned nodes, int node, int number, float extent)
+WARPCAM_DEVICE NodeChild child_of(const Meshes& meshes, unsigned nodes, int node, int number, float extent)
 {
     const auto word = [&](unsigned row) {
-        const Row four = load(meshes.nodes.data, row);
+        const Float3Int four = load(meshes.nodes.data, row);
         return number == 0 ? as_int(four.x) : number == 1 ? as_int(four.y) : number == 2 ? as_int(four.z) : four.w;
     };
     NodeChild it;
@@ -182,50 +182,50 @@ WARPCAM_FN NodeChild child_of(const Meshes& meshes, unsigned nodes, int node, in
 template <class Meshes> struct MeshFaces {
     const Meshes& meshes;
     unsigned nodes, faces;
-    Vec low, high;
+    Vec3 low, high;
     float extent;  // of what rounding says [m]
 
-    WARPCAM_FN MeshFaces(const Meshes& all, int mesh)
+    WARPCAM_DEVICE MeshFaces(const Meshes& all, int mesh)
         : meshes(all), nodes(unsigned(wp::index(all.node_start, mesh))),
-          faces(unsigned(wp::index(all.face_start, mesh))), low(to_vec(wp::index(all.lower, mesh))),
-          high(to_vec(wp::index(all.upper, mesh)))
+          faces(unsigned(wp::index(all.face_start, mesh))), low(as_vec3(wp::index(all.lower, mesh))),
+          high(as_vec3(wp::index(all.upper, mesh)))
     {
-        extent = upper(upper(upper(magnitude(low.x), magnitude(low.y)), upper(magnitude(low.z), magnitude(high.x))),
-                       upper(magnitude(high.y), magnitude(high.z)));
+        extent = max(max(max(abs(low.x), abs(low.y)), max(abs(low.z), abs(high.x))),
+                       max(abs(high.y), abs(high.z)));
     }
 
     // The face's corners, and the number that it was given.
-    WARPCAM_FN int load_face(int number, Vec (&corners)[3]) const
+    WARPCAM_DEVICE int load_face(int number, Vec3 (&corners)[3]) const
     {
         const unsigned row = faces + unsigned(number * FACE_ROWS);
-        const Row first = load(meshes.faces.data, row);
-        corners[0] = to_vec(first);
-        corners[1] = to_vec(load(meshes.faces.data, row + 1));
-        corners[2] = to_vec(load(meshes.faces.data, row + 2));
+        const Float3Int first = load(meshes.faces.data, row);
+        corners[0] = as_vec3(first);
+        corners[1] = as_vec3(load(meshes.faces.data, row + 1));
+        corners[2] = as_vec3(load(meshes.faces.data, row + 2));
         return first.w;
     }
 
-    WARPCAM_FN NodeChild child_of(int node, int child) const
+    WARPCAM_DEVICE NodeChild child_of(int node, int child) const
     {
         return warpcam::child_of(meshes, nodes, node, child, extent);
     }
 };
 
 // Writes the horizon of a mesh's face, in leaf order.
-template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int mesh, int face)
+template <class Meshes> WARPCAM_DEVICE void find_horizon(const Meshes& meshes, int mesh, int face)
 {
     const MeshFaces<Meshes> around(meshes, mesh);
-    Vec corners[3];
+    Vec3 corners[3];
     const int given = around.load_face(face, corners);
-    Onlooker own(corners, around.extent);
+    HorizonSampler own(corners, around.extent);
     int stack[STACK + 4], height = 0;
     if (own.axes.known)
         stack[height++] = 0;
     else
-        own.risen = ALL;
-    for (int visits = 0; height > 0 && own.risen != ALL; ++visits) {
+        own.risen = FULL_WARP;
+    for (int visits = 0; height > 0 && own.risen != FULL_WARP; ++visits) {
         if (visits == MOST_VISITS) {  // of what has so much around it nothing is said
-            own.risen = ALL;
+            own.risen = FULL_WARP;
             break;
         }
         const int node = stack[--height];
@@ -243,7 +243,7 @@ template <class Meshes> WARPCAM_FN void find_horizon(const Meshes& meshes, int m
                 stack[height++] = it.child;
         }
     }
-    reinterpret_cast<Row*>(meshes.faces.data)[around.faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
+    reinterpret_cast<Float3Int*>(meshes.faces.data)[around.faces + unsigned(face * FACE_ROWS) + 2].w = int(~own.risen);
 }
 
 }  // namespace warpcam

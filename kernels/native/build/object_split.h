@@ -6,7 +6,7 @@ namespace warpcam {
 namespace bvh4_build {
 
 // A way to part items: how many go first, and what that costs.
-struct Split {
+struct ObjectSplit {
     double cost = 1e300;
     int first = 0;  // items in the first part; 0: no split found
     int bulk = 0;   // items in the larger part
@@ -22,7 +22,7 @@ struct Split {
     }
 };
 
-inline void sort_along(const Item* items, int count, int axis, unsigned char* order)
+inline void sort_along(const BuildPrim* items, int count, int axis, unsigned char* order)
 {
     for (int i = 0; i < count; ++i) {
         float key = items[i].centroid(axis);
@@ -34,10 +34,10 @@ inline void sort_along(const Item* items, int count, int axis, unsigned char* or
 
 // Parts a few items in the best of all ways that order one axis, with no part above `limit`. Returns the first part's
 // count or 0.
-inline int split_few(Item* items, int count, int limit)
+inline int split_few(BuildPrim* items, int count, int limit)
 {
     unsigned char orders[3][kSweep];
-    Split best;
+    ObjectSplit best;
     for (int axis = 0; axis < 3; ++axis) {
         unsigned char* order = orders[axis];
         sort_along(items, count, axis, order);
@@ -54,14 +54,14 @@ inline int split_few(Item* items, int count, int limit)
         }
     }
     if (best.first == 0) return 0;
-    Item sorted[kSweep];
+    BuildPrim sorted[kSweep];
     for (int i = 0; i < count; ++i) sorted[i] = items[orders[best.axis][i]];
     for (int i = 0; i < count; ++i) items[i] = sorted[i];
     return best.first;
 }
 
 // The best way to part many items by bins of their centroids, which lie in `centers`.
-inline Split find_split(Item* items, int count, int limit, const Box& centers)
+inline ObjectSplit find_split(BuildPrim* items, int count, int limit, const Box& centers)
 {
     float scale[3];
     for (int axis = 0; axis < 3; ++axis)
@@ -80,7 +80,7 @@ inline Split find_split(Item* items, int count, int limit, const Box& centers)
             boxes[axis][b].grow(items[i].box);
             ++counts[axis][b];
         }
-    Split best;
+    ObjectSplit best;
     for (int axis = 0; axis < 3; ++axis) {
         double after[kBins];
         int n = 0;
@@ -106,7 +106,7 @@ inline Split find_split(Item* items, int count, int limit, const Box& centers)
     return best;
 }
 
-inline void part(Item* items, int count, const Split& split)
+inline void part(BuildPrim* items, int count, const ObjectSplit& split)
 {
     for (int i = 0, j = count - 1;; ++i, --j) {
         while (i <= j && items[i].bin[split.axis] <= split.bin) ++i;
@@ -117,7 +117,7 @@ inline void part(Item* items, int count, const Split& split)
 }
 
 // The last resort: half and half, by the order of the centroids along the axis where they spread most. Never fails.
-inline int split_halves(Item* items, int count, const Box& centers)
+inline int split_halves(BuildPrim* items, int count, const Box& centers)
 {
     int axis = 0;
     for (int k = 1; k < 3; ++k)

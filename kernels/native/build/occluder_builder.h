@@ -9,43 +9,43 @@ constexpr int SHUTTER_TURNS = 4, SHUTTER_SLABS = 24, SHUTTER_FORMS = 5;
 constexpr int SHUTTER_VISITS = 8192;  // of nodes and leaves, for one box
 
 // A box over a face: an end above it and one below, and how far it goes across and up in several forms.
-struct Opening {
+struct OccluderCandidate {
     static constexpr float WIDEST = 2.5f;  // of a form: this much wider than a square, and narrower
 
     FaceAxes axes;
-    Vec center;
+    Vec3 center;
     float low, high, inner, slack;
     float reach[SHUTTER_FORMS];
 
-    WARPCAM_FN static float form(int number)  // how much wider than a square
+    WARPCAM_DEVICE static float form(int number)  // how much wider than a square
     {
         constexpr float forms[SHUTTER_FORMS] = { 1.0f / WIDEST, 0.63f, 1.0f, 1.6f, WIDEST };
         return forms[number];
     }
 
-    WARPCAM_FN float widest() const
+    WARPCAM_DEVICE float widest() const
     {
         float most = 0.0f;
         for (int k = 0; k < SHUTTER_FORMS; ++k)
-            most = upper(most, reach[k]);
+            most = max(most, reach[k]);
         return most;
     }
 
-    // What lies at least so far across and up is in the way.
-    WARPCAM_FN void end_at(float across, float up)
+    // Ends the box before an object that lies at least so far across and up.
+    WARPCAM_DEVICE void end_at(float across, float up)
     {
         for (int k = 0; k < SHUTTER_FORMS; ++k)
-            reach[k] = lower(reach[k], upper(across / form(k), up * form(k)));
+            reach[k] = min(reach[k], max(across / form(k), up * form(k)));
     }
 
-    WARPCAM_FN static float least_magnitude(float from, float to) { return upper(upper(from, -to), 0.0f); }
+    WARPCAM_DEVICE static float least_magnitude(float from, float to) { return max(max(from, -to), 0.0f); }
 
-    // May what is in a box be in the way?
-    WARPCAM_FN bool may_meet(Vec low_corner, Vec high_corner) const
+    // True if an object in a box may be in the way.
+    WARPCAM_DEVICE bool may_meet(Vec3 low_corner, Vec3 high_corner) const
     {
-        const Vec at = axes.of(0.5f * (low_corner + high_corner) - center), half = 0.5f * (high_corner - low_corner);
-        const auto out = [&](Vec n) {
-            return magnitude(n.x) * half.x + magnitude(n.y) * half.y + magnitude(n.z) * half.z;
+        const Vec3 at = axes.of(0.5f * (low_corner + high_corner) - center), half = 0.5f * (high_corner - low_corner);
+        const auto out = [&](Vec3 n) {
+            return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z;
         };
         const float z = out(axes.normal), x = out(axes.along), y = out(axes.across);
         if (at.z - z > high + slack || at.z + z < low - slack)
@@ -53,17 +53,17 @@ struct Opening {
         const float across = least_magnitude(at.x - x, at.x + x), up = least_magnitude(at.y - y, at.y + y);
         bool meets = false;
         for (int k = 0; k < SHUTTER_FORMS; ++k)
-            meets |= upper(across / form(k), up * form(k)) < reach[k];
+            meets |= max(across / form(k), up * form(k)) < reach[k];
         return meets;
     }
 
     // A face of the mesh. `own`: the one that the box is over; `open`: an odd number of faces has one of its edges.
-    WARPCAM_FN void look_at(const Vec (&corners)[3], bool own, bool open)
+    WARPCAM_DEVICE void look_at(const Vec3 (&corners)[3], bool own, bool open)
     {
-        Vec places[3], from, to;
+        Vec3 places[3], from, to;
         for (int k = 0; k < 3; ++k)
             places[k] = axes.of(corners[k] - center);
-        Onlooker::bounds(places, from, to);
+        HorizonSampler::bounds(places, from, to);
         if (from.z > high + slack || to.z < low - slack)
             return;
         const float across = least_magnitude(from.x, to.x), up = least_magnitude(from.y, to.y);
@@ -74,15 +74,15 @@ struct Opening {
             end_at(0.0f, 0.0f);  // the surface would be crossed twice here
     }
 
-    WARPCAM_FN bool is_near(const Vec (&places)[3]) const
+    WARPCAM_DEVICE bool is_near(const Vec3 (&places)[3]) const
     {
         bool left = true, right = true, near = false;
         for (int k = 0; k < 3; ++k) {
-            const Vec a = places[k], b = places[k == 2 ? 0 : k + 1], e = b - a;
+            const Vec3 a = places[k], b = places[k == 2 ? 0 : k + 1], e = b - a;
             const float side = a.x * b.y - a.y * b.x, length = e.x * e.x + e.y * e.y;
             left &= side >= 0.0f;
             right &= side <= 0.0f;
-            const float t = lower(upper(-(a.x * e.x + a.y * e.y) / upper(length, TINY), 0.0f), 1.0f);
+            const float t = min(max(-(a.x * e.x + a.y * e.y) / max(length, MIN_NORMAL), 0.0f), 1.0f);
             const float x = a.x + t * e.x, y = a.y + t * e.y;
             near |= x * x + y * y < inner * inner;
         }
@@ -90,46 +90,46 @@ struct Opening {
     }
 };
 
-// How a box lies over its face: turned about the face's normal, and between which ends.
+// Orientation of a box over its face, turned about the face's normal, and its ends.
 struct Way {
     int turn, slab;
 
-    WARPCAM_FN explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) { }
+    WARPCAM_DEVICE explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) { }
 };
 
 // A box over a mesh's face, in leaf order, as far as it goes: how much it is worth, and its rows, if there is room for
 // them.
-template <class Meshes, class Open, class Rows> WARPCAM_FN float find_shutter(const Meshes& meshes, const Open& open,
+template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutter(const Meshes& meshes, const Open& open,
                                                                               int mesh, int face, Way way, int at,
                                                                               const Rows& rows)
 {
     const MeshFaces<Meshes> around(meshes, mesh);
-    const Vec sides = around.high - around.low;
-    const float size = upper(upper(sides.x, sides.y), sides.z);
-    Vec corners[3];
+    const Vec3 sides = around.high - around.low;
+    const float size = max(max(sides.x, sides.y), sides.z);
+    Vec3 corners[3];
     const int given = around.load_face(face, corners);
-    Opening box;
+    OccluderCandidate box;
     FaceAxes axes = face_axes(corners[0], corners[1], corners[2]);
     if (!axes.known)
         return 0.0f;
     // along a side of the mesh's own box, then turned
-    const Vec n = axes.normal;
-    const float x = magnitude(n.x), y = magnitude(n.y), z = magnitude(n.z);
-    const Vec flat = x <= y && x <= z ? Vec { 1.0f, 0.0f, 0.0f }
-                     : y <= z         ? Vec { 0.0f, 1.0f, 0.0f }
-                                      : Vec { 0.0f, 0.0f, 1.0f };
-    const Vec first = cross(n, flat);
-    const Vec side = inverse_root(upper(dot(first, first), TINY)) * first, other = cross(n, side);
+    const Vec3 n = axes.normal;
+    const float x = abs(n.x), y = abs(n.y), z = abs(n.z);
+    const Vec3 flat = x <= y && x <= z ? Vec3 { 1.0f, 0.0f, 0.0f }
+                     : y <= z         ? Vec3 { 0.0f, 1.0f, 0.0f }
+                                      : Vec3 { 0.0f, 0.0f, 1.0f };
+    const Vec3 first = cross(n, flat);
+    const Vec3 side = rsqrt(max(dot(first, first), MIN_NORMAL)) * first, other = cross(n, side);
     const float angle = 1.5707964f / SHUTTER_TURNS * float(way.turn);
     axes.along = wp::cos(angle) * side + wp::sin(angle) * other;
     axes.across = cross(n, axes.along);
     box.axes = axes;
     box.center = (1.0f / 3.0f) * (corners[0] + corners[1] + corners[2]);
     box.slack = 2.0e-5f * around.extent;
-    float inner = FAR_AWAY;
+    float inner = MISS;
     for (int k = 0; k < 3; ++k) {
-        const Vec edge = corners[k == 2 ? 0 : k + 1] - corners[k], away = cross(edge, box.center - corners[k]);
-        inner = lower(inner, root(dot(away, away) / upper(dot(edge, edge), TINY)));
+        const Vec3 edge = corners[k == 2 ? 0 : k + 1] - corners[k], away = cross(edge, box.center - corners[k]);
+        inner = min(inner, sqrt(dot(away, away) / max(dot(edge, edge), MIN_NORMAL)));
     }
     box.inner = 0.5f * inner;
     float thick = 0.3f * size;
@@ -164,10 +164,10 @@ template <class Meshes, class Open, class Rows> WARPCAM_FN float find_shutter(co
     }
     float best = 0.0f, across = 0.0f, up = 0.0f;
     for (int k = 0; k < SHUTTER_FORMS; ++k) {
-        const float half_across = box.reach[k] * Opening::form(k) - box.slack,
-                    half_up = box.reach[k] / Opening::form(k) - box.slack;
+        const float half_across = box.reach[k] * OccluderCandidate::form(k) - box.slack,
+                    half_up = box.reach[k] / OccluderCandidate::form(k) - box.slack;
         const float area =
-            upper(half_across - depth, 0.0f) * upper(half_up - depth, 0.0f);  // of what slanting rays pass
+            max(half_across - depth, 0.0f) * max(half_up - depth, 0.0f);  // of what slanting rays pass
         if (area > best) {
             best = area;
             across = half_across;
@@ -176,10 +176,10 @@ template <class Meshes, class Open, class Rows> WARPCAM_FN float find_shutter(co
     }
     if (!(best > 0.0f) || rows.shape[0] == 0)
         return best;
-    const Vec middle = box.center + 0.5f * (box.low + box.high) * n;
-    const auto row = [&](int number, Vec axis, float half) {
+    const Vec3 middle = box.center + 0.5f * (box.low + box.high) * n;
+    const auto row = [&](int number, Vec3 axis, float half) {
         const float rate = 1.0f / half;
-        reinterpret_cast<Row*>(rows.data)[SHUTTER_ROWS * at + number]
+        reinterpret_cast<Float3Int*>(rows.data)[SHUTTER_ROWS * at + number]
             = { rate * axis.x, rate * axis.y, rate * axis.z, as_int(-rate * dot(axis, middle)) };
     };
     row(0, axes.along, across);

@@ -10,7 +10,7 @@ namespace bvh4_build {
 constexpr int kPlanes = 16;  // a cut is sought at the borders of so many slabs along each axis
 
 // A plane to part a node by, and what that costs.
-struct Cut {
+struct SpatialSplit {
     double cost = 1e300;
     int axis = 0;
     float plane = 0.f;
@@ -28,7 +28,7 @@ struct Slices {
 };
 
 // Grows the boxes of the slabs first..last by an item's shares. Not to the last bit: it only serves to compare cuts.
-inline void slice(const Faces& mesh, const Item& item, int axis, const Slices& slices, int first, int last, Box* boxes)
+inline void slice(const Faces& mesh, const BuildPrim& item, int axis, const Slices& slices, int first, int last, Box* boxes)
 {
     struct Edge { float x, v[2], slope[2]; };  // v + slope * (distance from x) across the axis
     const int across[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
@@ -74,9 +74,9 @@ inline void slice(const Faces& mesh, const Item& item, int axis, const Slices& s
 
 // The best cut of a node's items into two parts of at most `limit`, through at most `spare` of them. Both parts may
 // have as many items as the node: what a cut gains is smaller boxes.
-inline Cut find_cut(const Faces& mesh, const Item* items, int count, int limit, int spare, const Box& box)
+inline SpatialSplit find_cut(const Faces& mesh, const BuildPrim* items, int count, int limit, int spare, const Box& box)
 {
-    Cut best;
+    SpatialSplit best;
     for (int axis = 0; axis < 3; ++axis) {
         if (!(box.extent(axis) > kMinExtent)) continue;
         Slices slices(box, axis);
@@ -115,7 +115,7 @@ inline Cut find_cut(const Faces& mesh, const Item* items, int count, int limit, 
 
 // Cuts an item that has room on both sides of the plane. Each side's box holds all of the face that is in the item's
 // box, whatever rounding does, and is never empty.
-inline void cut_item(const Faces& mesh, const Item& item, const Cut& cut, Box& low, Box& high)
+inline void cut_item(const Faces& mesh, const BuildPrim& item, const SpatialSplit& cut, Box& low, Box& high)
 {
     Box sides[2] = {Box::empty(), Box::empty()};
     int axis = cut.axis;
@@ -143,14 +143,14 @@ inline void cut_item(const Faces& mesh, const Item& item, const Cut& cut, Box& l
     if (!high.clip(sides[1])) high = whole[1];
 }
 
-// How a cut left the items: two runs with room behind each.
+// Result of a spatial split: two runs of items with room behind each.
 struct Parts {
     int first, first_room;    // items in the first run, and where the second starts
     int second, second_room;  // 0 items: the cut was not made, and all is as it was but for the order
 };
 
 // Makes a cut: of `room` places that begin with `count` items.
-inline Parts part(const Faces& mesh, Item* items, int count, int room, int limit, const Cut& cut)
+inline Parts part(const Faces& mesh, BuildPrim* items, int count, int room, int limit, const SpatialSplit& cut)
 {
     int axis = cut.axis, low = 0,
         high = count;  // items before `low` are below the plane, items from `high` on above it
@@ -174,11 +174,11 @@ inline Parts part(const Faces& mesh, Item* items, int count, int room, int limit
     parts.second_room = room - parts.first_room;
     parts.first = low;
     parts.second = above;
-    Item* second = items + parts.first_room;
+    BuildPrim* second = items + parts.first_room;
     for (int i = above - 1; i >= 0; --i) second[i] = items[high + i];
     bool may_stay_whole = low > 0 && above > 0;
     for (int i = low; i < high; ++i) {
-        Item shares[2] = {items[i], items[i]};
+        BuildPrim shares[2] = {items[i], items[i]};
         cut_item(mesh, items[i], cut, shares[0].box, shares[1].box);
         bool keep[2] = {true, true};
         if (may_stay_whole) {  // on one side, if that costs less

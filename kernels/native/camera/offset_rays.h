@@ -15,69 +15,69 @@ enum SpreadBit { LINKED_LEFT = 1, LINKED_RIGHT = 2, LINKED_UP = 4, LINKED_DOWN =
 constexpr int SPREAD_ROWS = 2;  // start, with the bits; unit direction, with how many pixels a row of the image has
 
 // A ray in the camera's frame, or how that changes from pixel to pixel.
-struct Beam {
-    Vec start, direction;
+struct OffsetRay {
+    Vec3 start, direction;
 };
 
-WARPCAM_FN Ray local_of(const Beam& beam, const Record& record)
+WARPCAM_DEVICE Ray local_of(const OffsetRay& beam, const ShapeRecord& record)
 {
-    const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
-    const Vec s = beam.start, d = beam.direction;
+    const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
+    const Vec3 s = beam.start, d = beam.direction;
     return { { o.x + (ax.x * s.x + ax.y * s.y + ax.z * s.z), o.y + (ay.x * s.x + ay.y * s.y + ay.z * s.z),
                o.z + (az.x * s.x + az.y * s.y + az.z * s.z) },
              { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
                az.x * d.x + az.y * d.y + az.z * d.z } };
 }
 
-template <> struct ViewRay<SPREAD> {
+template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
     float x, y;
 
     // `sample` is -1 for the pixel's centre.
-    WARPCAM_FN static ViewRay of(const Row* rows, int sample = -1)
+    WARPCAM_DEVICE static CameraRay of(const Float3Int* rows, int sample = -1)
     {
         const unsigned long long bits = reinterpret_cast<unsigned long long>(rows) + unsigned(sample + 1);
         return { as_float(int(unsigned(bits))), as_float(int(unsigned(bits >> 32))) };
     }
 
-    WARPCAM_FN Beam beam() const
+    WARPCAM_DEVICE OffsetRay beam() const
     {
-        const Row *const rows = own_rows(), start = load(rows, 0), along = load(rows, 1);
+        const Float3Int *const rows = own_rows(), start = load(rows, 0), along = load(rows, 1);
         const int sample = (as_int(x) & LOWEST) - 1;
         if (sample < 0)
-            return { to_vec(start), to_vec(along) };
+            return { as_vec3(start), as_vec3(along) };
         const Offset offset = sample_offset(sample);
-        const Beam right = across(), under = down();
-        return { to_vec(start) + offset.right * right.start + offset.down * under.start,
-                 normalized(to_vec(along) + offset.right * right.direction + offset.down * under.direction) };
+        const OffsetRay right = across(), under = down();
+        return { as_vec3(start) + offset.right * right.start + offset.down * under.start,
+                 normalized(as_vec3(along) + offset.right * right.direction + offset.down * under.direction) };
     }
-    WARPCAM_FN Vec direction() const { return beam().direction; }
-    WARPCAM_FN bool blind() const { return load(own_rows(), 0).w & BLIND_PIXEL; }
+    WARPCAM_DEVICE Vec3 direction() const { return beam().direction; }
+    WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & BLIND_PIXEL; }
 
     // To the next pixel across, and down: over both sides that are linked.
-    WARPCAM_FN Beam across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
-    WARPCAM_FN Beam down() const { return step(load(own_rows(), 1).w, LINKED_UP, LINKED_DOWN); }
+    WARPCAM_DEVICE OffsetRay across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
+    WARPCAM_DEVICE OffsetRay down() const { return step(load(own_rows(), 1).w, LINKED_UP, LINKED_DOWN); }
 
-    WARPCAM_FN Ray local(const Record& record) const { return local_of(beam(), record); }
+    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(beam(), record); }
 
-    template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const { return frame_along(local(record)); }
+    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const { return frame_along(local(record)); }
 
-    WARPCAM_FN const Row* own_rows() const
+    WARPCAM_DEVICE const Float3Int* own_rows() const
     {
         const unsigned long long low = unsigned(as_int(x) & ~LOWEST), high = unsigned(as_int(y));
-        return reinterpret_cast<const Row*>(high << 32 | low);
+        return reinterpret_cast<const Float3Int*>(high << 32 | low);
     }
 
 private:
     enum { LOWEST = 15 };  // bits of an address that are 0
 
-    WARPCAM_FN Beam step(int pixels, int before, int after) const
+    WARPCAM_DEVICE OffsetRay step(int pixels, int before, int after) const
     {
-        const Row* const rows = own_rows();
+        const Float3Int* const rows = own_rows();
         const int links = load(rows, 0).w & (before | after), length = SPREAD_ROWS * pixels;
-        const Row *const from = links & before ? rows - length : rows, *const to = links & after ? rows + length : rows;
+        const Float3Int *const from = links & before ? rows - length : rows, *const to = links & after ? rows + length : rows;
         const float rate = links == (before | after) ? 0.5f : 1.0f;
-        return { rate * (to_vec(load(to, 0)) - to_vec(load(from, 0))),
-                 rate * (to_vec(load(to, 1)) - to_vec(load(from, 1))) };
+        return { rate * (as_vec3(load(to, 0)) - as_vec3(load(from, 0))),
+                 rate * (as_vec3(load(to, 1)) - as_vec3(load(from, 1))) };
     }
 };
 

@@ -10,33 +10,33 @@ struct Region {
 };
 
 // Tiles of a region, counted from its corner, inclusive; empty when left > right.
-struct alignas(4) TileBox {
+struct alignas(4) TileRect {
     signed char left, top, right, bottom;
 };
 
 // A box from which one addition tells whether it has a tile: it counts from each of its sides, and from 128.
-struct TileSpans {
+struct PackedTileRect {
     static constexpr unsigned NONE = 0x40404040u;  // has no tile
 
     unsigned counts;
 
-    WARPCAM_FN static unsigned of(const TileBox& box)
+    WARPCAM_DEVICE static unsigned of(const TileRect& box)
     {
         return unsigned(128 - box.left) | unsigned(128 - box.top) << 8 | unsigned(128 + box.right) << 16
             | unsigned(128 + box.bottom) << 24;
     }
-    // What is to be added for any of some tiles, in so many columns and rows from the first.
-    WARPCAM_FN static unsigned steps(int column, int row, int columns, int rows)
+    // Sum of steps for any of a block of tiles, in so many columns and rows from the first.
+    WARPCAM_DEVICE static unsigned steps(int column, int row, int columns, int rows)
     {
         return unsigned(column * (1 - (1 << 16)) + row * ((1 << 8) - (1 << 24)) + (columns - 1) + ((rows - 1) << 8));
     }
-    WARPCAM_FN bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
+    WARPCAM_DEVICE bool touches(unsigned steps) const { return (~(counts + steps) & 0x80808080u) == 0u; }
 };
 
-// Which part of which world's image a thread block draws; `block` counts worlds, then parts. OUTWARDS: of all images of
-// a launch first the parts in the middle, which take longest, so that the last blocks are short ones, and that all
-// multiprocessors have as many of each kind; for launches of one row of blocks: see visibility.py.
-template <bool OUTWARDS> WARPCAM_FN int part_of(int block, int columns, int rows, int& world)
+// Part of an image, and its world, that a thread block draws; `block` counts worlds, then parts. OUTWARDS: parts in the
+// middle of all images come first, as they take longest, so that the last blocks are short and all multiprocessors have
+// as many of each kind; for launches of one row of blocks: see visibility.py.
+template <bool OUTWARDS> WARPCAM_DEVICE int part_of(int block, int columns, int rows, int& world)
 {
     const int parts = columns * rows;
 #if defined(__CUDA_ARCH__)
@@ -52,13 +52,13 @@ template <bool OUTWARDS> WARPCAM_FN int part_of(int block, int columns, int rows
 
 // The block of an image that a thread block draws; see part_of.
 template <int WIDTH, int HEIGHT, bool OUTWARDS = false, class Target>
-WARPCAM_FN Region region_of(const Target& target, int block, int& world)
+WARPCAM_DEVICE Region region_of(const Target& target, int block, int& world)
 {
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int part = part_of<OUTWARDS>(block, columns, rows, world);
     Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
-    region.width = lower_int(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
-    region.height = lower_int(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
+    region.width = min(WIDTH, (target.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
+    region.height = min(HEIGHT, (target.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
     return region;
 }
 

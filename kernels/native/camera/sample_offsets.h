@@ -1,4 +1,4 @@
-// Where the samples of a pixel lie that an edge runs through.
+// Sample positions of a pixel that an edge runs through.
 #pragma once
 #include "core/platform.h"
 
@@ -10,8 +10,8 @@ struct Offset {
     float right, down;  // from the pixel's centre [pixels]
 };
 
-// Where OpenGL's implementations have a pixel's samples (antialiasing.py has the same numbers).
-WARPCAM_FN Offset sample_offset(int sample)
+// Sample positions of OpenGL's implementations (antialiasing.py has the same numbers).
+WARPCAM_DEVICE Offset sample_offset(int sample)
 {
     const bool upright = sample == 0 || sample == 3;
     const float sign = sample < 2 ? 1.0f : -1.0f;

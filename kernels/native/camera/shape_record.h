@@ -16,29 +16,29 @@ enum ShapeType {
     MESH,
     CONE,
     BARREL,
-    SCALED,
+    PER_SHAPE_SCALE,
     SPLATS,
     TWO_SIDED,
-    MASKED,
+    ALPHA_TESTED,
     SHADING_BACKS,
-    MOVING,
-    GLASS,
-    FROM_ABOVE,
-    BARE,
+    DEFORMING_MESHES,
+    TRANSPARENT_CASTERS,
+    TEXTURE_FROM_ABOVE,
+    TEXTURELESS_SHAPES,
     MIDDLE_FIRST,
-    SHUTTERED,
+    HAS_OCCLUDER_BOXES,
     PROJECTED,
     TRIPLANAR,
-    SHEER,
+    TEXTURE_ALPHA,
     LIT_NORMALS,
     COINCIDENT
 };
-// RAYS: from a table, see camera/ray_table.h; SPREAD: likewise, and each begins at a place of its own, see
+// RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own, see
 // camera/offset_rays.h.
-enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, SPREAD };
+enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, RAY_TABLE_WITH_ORIGINS };
 
 // Rays that have unit directions, and distances along them in place of planar depths.
-constexpr bool has_table(int lens) { return lens == RAYS || lens == SPREAD; }
+constexpr bool has_table(int lens) { return lens == RAYS || lens == RAY_TABLE_WITH_ORIGINS; }
 
 // Rays that all begin where the camera is.
 constexpr bool has_centre(int lens) { return lens == PINHOLE || lens == RAYS; }
@@ -48,46 +48,46 @@ constexpr bool has_centre(int lens) { return lens == PINHOLE || lens == RAYS; }
 // meshes and height fields have their own coordinates; the rest is unscaled.
 // A ray of the view is then origin + t * row . (x, y, -1), and its t is planar depth. Rays of a table have unit
 // directions instead, and t is the distance along them: then it stands for depth in all that follows.
-struct Record {
-    Row axis_x;  // w: shape type
-    Row axis_y;  // w: shape id
-    Row axis_z;  // w: asset, the index of a mesh or height field
-    Row origin;  // the camera's centre in the shape's frame; w: see shadow/casters.h, else unused
+struct ShapeRecord {
+    Float3Int axis_x;  // w: shape type
+    Float3Int axis_y;  // w: shape id
+    Float3Int axis_z;  // w: asset, the index of a mesh or height field
+    Float3Int origin;  // the camera's centre in the shape's frame; w: see shadow/casters.h, else unused
     // plane: half widths, 0 infinite; capsule: x = half length / radius; barrel: x = half length, y = radius of
     // its side's arc, both / end radius; height field: half widths, base depth; mesh: x = greatest
     // magnitude of its box, y, z = bits of Meshes.node_start and Meshes.face_start. w: bits of `nearest`,
     // a lower bound of the planar depth of every point of the shape
-    Row size;
+    Float3Int size;
 };
 
-// Whether a face is seen from behind, too, by what its second row says: see Meshes.faces.
-template <int TYPES> WARPCAM_FN bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
+// True if a face is visible from behind, by its second row: see Meshes.faces.
+template <int TYPES> WARPCAM_DEVICE bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
 
-// Whether the corners of a face have its own normal, by what its second and third row say.
-template <int TYPES> WARPCAM_FN bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
+// True if the corners of a face have the face's own normal, by its second and third row.
+template <int TYPES> WARPCAM_DEVICE bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
 
-template <int TYPES> WARPCAM_FN bool is_mesh(const Record& record)
+template <int TYPES> WARPCAM_DEVICE bool is_mesh(const ShapeRecord& record)
 {
     return (TYPES >> MESH & 1) && record.axis_x.w == MESH;
 }
 
 struct Ray {
-    Vec origin, direction;  // in the shape's frame
+    Vec3 origin, direction;  // in the shape's frame
 };
 
 // The ray's own view of space: coordinates in which it runs from the origin along depth alone.
 struct RayFrame {
-    Vec origin;
-    Vec across, up, depth;  // rows; across x up points against the ray, depth . (t * direction) is t
+    Vec3 origin;
+    Vec3 across, up, depth;  // rows; across x up points against the ray, depth . (t * direction) is t
 };
 
 // For a frame that may be scaled. It depends on the ray only, and is never mirrored.
-WARPCAM_FN RayFrame frame_along(const Ray& ray)
+WARPCAM_DEVICE RayFrame frame_along(const Ray& ray)
 {
-    const Vec d = ray.direction;
-    const bool steep = magnitude(d.z) > magnitude(d.x);
-    const Vec across = steep ? Vec { 0.0f, d.z, -d.y } : Vec { d.y, -d.x, 0.0f };
-    const float rate = reciprocal(dot(d, d));
+    const Vec3 d = ray.direction;
+    const bool steep = abs(d.z) > abs(d.x);
+    const Vec3 across = steep ? Vec3 { 0.0f, d.z, -d.y } : Vec3 { d.y, -d.x, 0.0f };
+    const float rate = rcp(dot(d, d));
     return { ray.origin,
              across,
              { across.y * d.z - across.z * d.y, across.z * d.x - across.x * d.z, across.x * d.y - across.y * d.x },
@@ -95,22 +95,22 @@ WARPCAM_FN RayFrame frame_along(const Ray& ray)
 }
 
 // The ray of a view through (x, y) of its image.
-template <int LENS> struct ViewRay {
+template <int LENS> struct CameraRay {
     float x, y;
 
-    WARPCAM_FN Vec direction() const  // in the camera's frame; of a table's ray: see camera/ray_table.h
+    WARPCAM_DEVICE Vec3 direction() const  // in the camera's frame; of a table's ray: see camera/ray_table.h
     {
         if (LENS != RAYS)
             return { LENS == PINHOLE ? x : 0.0f, LENS == PINHOLE ? y : 0.0f, -1.0f };
-        const float rate = 2.0f * reciprocal(1.0f + x * x + y * y);
+        const float rate = 2.0f * rcp(1.0f + x * x + y * y);
         return { rate * x, rate * y, 1.0f - rate };
     }
 
-    WARPCAM_FN Ray local(const Record& record) const
+    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const
     {
-        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
+        const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
         if constexpr (LENS == RAYS) {
-            const Vec d = direction();
+            const Vec3 d = direction();
             return { { o.x, o.y, o.z },
                      { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
                        az.x * d.x + az.y * d.y + az.z * d.z } };
@@ -122,29 +122,29 @@ template <int LENS> struct ViewRay {
                  { (ax.x * x - ax.z) + ax.y * y, (ay.x * x - ay.z) + ay.y * y, (az.x * x - az.z) + az.y * y } };
     }
 
-    template <int TYPES> WARPCAM_FN RayFrame frame(const Record& record) const
+    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
-        if constexpr ((TYPES >> SCALED & 1) != 0 || LENS == RAYS)
+        if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0 || LENS == RAYS)
             return frame_along(local(record));
-        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
-        const Vec origin = local(record).origin;
-        const Vec depth { -ax.z, -ay.z, -az.z };
+        const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
+        const Vec3 origin = local(record).origin;
+        const Vec3 depth { -ax.z, -ay.z, -az.z };
         if (LENS == ORTHOGRAPHIC)
             return { origin, { ax.x, ay.x, az.x }, { ax.y, ay.y, az.y }, depth };
         return { origin,
-                 { muladd(x, ax.z, ax.x), muladd(x, ay.z, ay.x), muladd(x, az.z, az.x) },
-                 { muladd(y, ax.z, ax.y), muladd(y, ay.z, ay.y), muladd(y, az.z, az.y) },
+                 { fma(x, ax.z, ax.x), fma(x, ay.z, ay.x), fma(x, az.z, az.x) },
+                 { fma(y, ax.z, ax.y), fma(y, ay.z, ay.y), fma(y, az.z, az.y) },
                  depth };
     }
 };
 
-// One that only sees what lies beyond `near`, its own planar depth.
-template <int LENS> struct ClippedRay : ViewRay<LENS> {
+// Camera ray that starts at `near`, its own planar depth.
+template <int LENS> struct ClippedRay : CameraRay<LENS> {
     float near;
 };
 
 // From where on a ray sees, in a view that sees from `near` on.
-template <int LENS> WARPCAM_FN float near_of(const ViewRay<LENS>&, float near) { return near; }
-template <int LENS> WARPCAM_FN float near_of(const ClippedRay<LENS>& ray, float) { return ray.near; }
+template <int LENS> WARPCAM_DEVICE float near_of(const CameraRay<LENS>&, float near) { return near; }
+template <int LENS> WARPCAM_DEVICE float near_of(const ClippedRay<LENS>& ray, float) { return ray.near; }
 
 }  // namespace warpcam

@@ -5,12 +5,7 @@
 
 namespace warpcam {
 
-template <class Array> WARPCAM_FN auto shared_row(const Array& array, int world, int i)
-{
-    return *wp::address(array, array.shape[0] == 1 ? 0 : world % array.shape[0], i);
-}
-
-template <class View> WARPCAM_FN Camera load_camera(const View& view)
+template <class View> WARPCAM_DEVICE Camera load_camera(const View& view)
 {
     Camera c;
     c.origin = { view.origin[0], view.origin[1], view.origin[2] };
@@ -22,17 +17,17 @@ template <class View> WARPCAM_FN Camera load_camera(const View& view)
     c.center_x = view.center[0];
     c.center_y = view.center[1];
     c.near = view.near;
-    c.far = lower(view.far, ENDLESS);
+    c.far = min(view.far, MAX_RAY_T);
     c.miss = view.miss;
     return c;
 }
 
 // The box of a shape in its own frame: center and half widths.
-struct Extent {
-    Vec center, half;
+struct LocalBounds {
+    Vec3 center, half;
 };
 
-WARPCAM_FN Vec turned_back(const Matrix& m, Vec v)  // transpose(m) v
+WARPCAM_DEVICE Vec3 transform_transposed(const Mat3& m, Vec3 v)  // transpose(m) v
 {
     return { m.at[0][0] * v.x + m.at[1][0] * v.y + m.at[2][0] * v.z,
              m.at[0][1] * v.x + m.at[1][1] * v.y + m.at[2][1] * v.z,
@@ -43,16 +38,16 @@ enum Visible { HIDDEN, SEEN, BROKEN };  // BROKEN: a pose or size that is not a 
 
 struct Shape {
     int type, id, asset;
-    Vec position, size;
-    Matrix rotation;
+    Vec3 position, size;
+    Mat3 rotation;
 };
 
 // The half widths of an analytic shape's box, and the scale that makes it a unit shape. False for sizes that are
 // not positive: such a shape is not drawn.
-template <int TYPES> WARPCAM_FN bool unit_shape(const Shape& shape, Extent& extent, Vec& scale)
+template <int TYPES> WARPCAM_DEVICE bool unit_shape(const Shape& shape, LocalBounds& extent, Vec3& scale)
 {
-    const Vec s = shape.size;
-    Vec e = s;
+    const Vec3 s = shape.size;
+    Vec3 e = s;
     if (shape.type == SPHERE)
         e = { s.x, s.x, s.x };
     else if (shape.type == CAPSULE)
@@ -60,8 +55,8 @@ template <int TYPES> WARPCAM_FN bool unit_shape(const Shape& shape, Extent& exte
     else if (shape.type == CYLINDER || ((TYPES >> CONE & 1) && shape.type == CONE))
         e = { s.x, s.x, s.y };
     if ((TYPES >> BARREL & 1) && shape.type == BARREL) {  // half a length of the arc lies outside of the ends' radius
-        const float arc = upper(s.z, s.y),
-                    belly = s.x + (s.z > 0.0f ? s.y * s.y / (arc + root(arc * arc - s.y * s.y)) : 0.0f);
+        const float arc = max(s.z, s.y),
+                    belly = s.x + (s.z > 0.0f ? s.y * s.y / (arc + sqrt(arc * arc - s.y * s.y)) : 0.0f);
         extent = { { 0.0f, 0.0f, 0.0f }, { belly, belly, s.y } };
         const float rate = 1.0f / s.x;
         scale = { rate, rate, rate };
@@ -77,21 +72,21 @@ template <int TYPES> WARPCAM_FN bool unit_shape(const Shape& shape, Extent& exte
 
 constexpr float STRAIGHT = 1.0e9f;  // radius of an arc that is a line
 
-WARPCAM_FN Extent stretched_by(const Extent& e, Vec s)
+WARPCAM_DEVICE LocalBounds stretched_by(const LocalBounds& e, Vec3 s)
 {
     return { { e.center.x * s.x, e.center.y * s.y, e.center.z * s.z },
-             { e.half.x * magnitude(s.x), e.half.y * magnitude(s.y), e.half.z * magnitude(s.z) } };
+             { e.half.x * abs(s.x), e.half.y * abs(s.y), e.half.z * abs(s.z) } };
 }
 
 // Type-specific part: box, scale and size row. False if the shape draws nothing.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightFields& fields, Extent& extent,
-                         Vec& scale, Record& record)
+WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields, LocalBounds& extent,
+                         Vec3& scale, ShapeRecord& record)
 {
     scale = { 1.0f, 1.0f, 1.0f };
     const int asset = shape.asset;
-    const bool stretched = (TYPES >> SCALED & 1) && (shape.type == MESH || shape.type == HEIGHT_FIELD);
-    Vec stretch { 1.0f, 1.0f, 1.0f };
+    const bool stretched = (TYPES >> PER_SHAPE_SCALE & 1) && (shape.type == MESH || shape.type == HEIGHT_FIELD);
+    Vec3 stretch { 1.0f, 1.0f, 1.0f };
     if (stretched) {
         stretch = shape.size;
         if (stretch.x == 0.0f || stretch.y == 0.0f || stretch.z == 0.0f)
@@ -105,8 +100,8 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         extent.center = { 0.5f * (lo[0] + hi[0]), 0.5f * (lo[1] + hi[1]), 0.5f * (lo[2] + hi[2]) };
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
         record.size.x =
-            upper(upper(magnitude(lo[0]), magnitude(hi[0])),
-                  upper(upper(magnitude(lo[1]), magnitude(hi[1])), upper(magnitude(lo[2]), magnitude(hi[2]))));
+            max(max(abs(lo[0]), abs(hi[0])),
+                  max(max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2]))));
         record.size.y = as_float(wp::index(meshes.node_start, asset));
         record.size.z = as_float(wp::index(meshes.face_start, asset));
         if (stretched)
@@ -128,8 +123,8 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
         return true;
     }
     if ((TYPES >> PLANE & 1) && shape.type == PLANE) {
-        record.size.x = shape.size.x < FAR_AWAY ? shape.size.x : 0.0f;
-        record.size.y = shape.size.y < FAR_AWAY ? shape.size.y : 0.0f;
+        record.size.x = shape.size.x < MISS ? shape.size.x : 0.0f;
+        record.size.y = shape.size.y < MISS ? shape.size.y : 0.0f;
         const bool finite = record.size.x > 0.0f && record.size.y > 0.0f;
         extent = { { 0.0f, 0.0f, 0.0f }, { finite ? record.size.x : -1.0f, record.size.y, 0.0f } };
         return true;
@@ -139,16 +134,16 @@ WARPCAM_FN bool describe(const Shape& shape, const Meshes& meshes, const HeightF
     record.size.x = shape.type == CAPSULE ? shape.size.y * scale.x : 0.0f;
     if ((TYPES >> BARREL & 1) && shape.type == BARREL) {
         record.size.x = shape.size.y * scale.x;
-        record.size.y = shape.size.z > 0.0f ? upper(shape.size.z, shape.size.y) * scale.x : STRAIGHT;
+        record.size.y = shape.size.z > 0.0f ? max(shape.size.z, shape.size.y) * scale.x : STRAIGHT;
     }
     return true;
 }
 
 // First and last tile along one axis whose pixel centres lie between two image coordinates.
-WARPCAM_FN void tile_span(float lo, float hi, int start, int length, int tile, signed char& first, signed char& last)
+WARPCAM_DEVICE void tile_span(float lo, float hi, int start, int length, int tile, signed char& first, signed char& last)
 {
     const float margin = 0.01f;  // pixels; covers the rounding of the projection
-    const float a = upper(lo - margin - float(start), 0.0f), b = lower(hi + margin - float(start), float(length - 1));
+    const float a = max(lo - margin - float(start), 0.0f), b = min(hi + margin - float(start), float(length - 1));
     const int from = int(a) + (float(int(a)) < a ? 1 : 0);
     if (!(a <= b) || float(from) > b) {
         first = 1;
@@ -160,66 +155,66 @@ WARPCAM_FN void tile_span(float lo, float hi, int start, int length, int tile, s
 }
 
 // Between which distances from the camera, `offset` before its centre, a box lies. Its frame may be any.
-WARPCAM_FN void distances(Vec offset, Vec half, float& nearest, float& farthest)
+WARPCAM_DEVICE void distances(Vec3 offset, Vec3 half, float& nearest, float& farthest)
 {
-    const Vec a { magnitude(offset.x), magnitude(offset.y), magnitude(offset.z) };
-    const Vec near { upper(a.x - half.x, 0.0f), upper(a.y - half.y, 0.0f), upper(a.z - half.z, 0.0f) };
-    const Vec far { a.x + half.x, a.y + half.y, a.z + half.z };
-    farthest = (1.0f + 1.0e-5f) * root(dot(far, far));
-    nearest = upper(root(dot(near, near)) - 1.0e-5f * farthest, 0.0f);
+    const Vec3 a { abs(offset.x), abs(offset.y), abs(offset.z) };
+    const Vec3 near { max(a.x - half.x, 0.0f), max(a.y - half.y, 0.0f), max(a.z - half.z, 0.0f) };
+    const Vec3 far { a.x + half.x, a.y + half.y, a.z + half.z };
+    farthest = (1.0f + 1.0e-5f) * sqrt(dot(far, far));
+    nearest = max(sqrt(dot(near, near)) - 1.0e-5f * farthest, 0.0f);
 }
 
 // Tiles of a region, found one after another in its rows: what holds them all.
 struct TileRange {
     int left, right, top, bottom;  // empty while left > right
 
-    WARPCAM_FN void add(int row, int column)
+    WARPCAM_DEVICE void add(int row, int column)
     {
-        left = lower_int(left, column);
+        left = min(left, column);
         right = column > right ? column : right;
-        top = lower_int(top, row);
+        top = min(top, row);
         bottom = row;
     }
 
-    WARPCAM_FN TileBox box() const
+    WARPCAM_DEVICE TileRect box() const
     {
         return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
                  static_cast<signed char>(bottom) };
     }
 };
 
-WARPCAM_FN Vec axis_of(const Row& cone) { return { cone.x, cone.y, cone.z }; }
+WARPCAM_DEVICE Vec3 axis_of(const Float3Int& cone) { return { cone.x, cone.y, cone.z }; }
 
 // The cosine of the widest angle to a tile's cone under which what lies within another cone around a direction, whose
 // half angle has this cosine and sine, may be seen.
-WARPCAM_FN float least_along(const Row& cone, float cosine, float sine)
+WARPCAM_DEVICE float least_along(const Float3Int& cone, float cosine, float sine)
 {
-    const float wide = as_float(cone.w), narrow = root(upper(1.0f - wide * wide, 0.0f));
+    const float wide = as_float(cone.w), narrow = sqrt(max(1.0f - wide * wide, 0.0f));
     return wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
 }
 
 // The tiles of a region whose cones may meet a box: its middle in the camera's frame, the rotation from there to its
 // own frame, its half widths. Empty (left > right) if there are none.
-WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec center, const Matrix& m, Vec half)
+WARPCAM_DEVICE TileRect ray_tiles(const Camera& camera, const Region& region, Vec3 center, const Mat3& m, Vec3 half)
 {
     const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
-    const TileBox all { 0, 0, static_cast<signed char>(across - 1), static_cast<signed char>(down - 1) };
-    const float length = root(dot(center, center)), rate = 1.0f / upper(length, 1.0e-30f);
-    const Vec axis { rate * center.x, rate * center.y, rate * center.z };
+    const TileRect all { 0, 0, static_cast<signed char>(across - 1), static_cast<signed char>(down - 1) };
+    const float length = sqrt(dot(center, center)), rate = 1.0f / max(length, 1.0e-30f);
+    const Vec3 axis { rate * center.x, rate * center.y, rate * center.z };
     float cosine = 1.0f;  // of the angle between the box's middle and its corners, as seen from the camera
 #pragma unroll 1
     for (int k = 0; k < 8; ++k) {
-        const Vec corner { k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z };
-        const Vec turned = turned_back(m, corner);
-        const Vec at { center.x + turned.x, center.y + turned.y, center.z + turned.z };
-        const float far = root(dot(at, at)), along = dot(axis, at);
+        const Vec3 corner { k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z };
+        const Vec3 turned = transform_transposed(m, corner);
+        const Vec3 at { center.x + turned.x, center.y + turned.y, center.z + turned.z };
+        const float far = sqrt(dot(at, at)), along = dot(axis, at);
         if (!(along > 1.0e-3f * far))  // the box is not on one side of the camera
             return all;
-        cosine = lower(cosine, along / far);
+        cosine = min(cosine, along / far);
     }
-    const float sine = root(upper(1.0f - cosine * cosine, 0.0f));
+    const float sine = sqrt(max(1.0f - cosine * cosine, 0.0f));
     TileRange tiles { across, -1, down, -1 };
-    const Row* cones = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
+    const Float3Int* cones = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
 #pragma unroll 1
     for (int row = 0; row < down; ++row, cones += tiles_across(camera))
 #pragma unroll 1
@@ -230,8 +225,8 @@ WARPCAM_FN TileBox ray_tiles(const Camera& camera, const Region& region, Vec cen
     return tiles.box();
 }
 
-// The same of spread rays, and a ball.
-WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec center, float radius)
+// Tile rectangle of a ball for rays with own origins.
+WARPCAM_DEVICE TileRect spread_tiles(const Camera& camera, const Region& region, Vec3 center, float radius)
 {
     const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
     TileRange tiles { across, -1, down, -1 };
@@ -239,13 +234,13 @@ WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec 
     for (int row = 0; row < down; ++row)
 #pragma unroll 1
         for (int column = 0; column < across; ++column) {
-            const Row* tile = tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
-            const Row cone = load(tile, 0), starts = load(tile, 1);
-            const Vec offset { center.x - starts.x, center.y - starts.y, center.z - starts.z };
-            const float length = root(dot(offset, offset)),
+            const Float3Int* tile = tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
+            const Float3Int cone = load(tile, 0), starts = load(tile, 1);
+            const Vec3 offset { center.x - starts.x, center.y - starts.y, center.z - starts.z };
+            const float length = sqrt(dot(offset, offset)),
                         reach = radius + as_float(starts.w) + 1.0e-5f * (length + radius);
             if (length > reach) {  // no ray begins within
-                const float sine = reach / length, cosine = root(1.0f - sine * sine);
+                const float sine = reach / length, cosine = sqrt(1.0f - sine * sine);
                 if (dot(offset, axis_of(cone)) < least_along(cone, cosine, sine) * length)
                     continue;
             }
@@ -255,40 +250,40 @@ WARPCAM_FN TileBox spread_tiles(const Camera& camera, const Region& region, Vec 
 }
 
 // A shape's box and the scale that makes it a unit shape.
-struct ShapeForm {
-    Extent extent;
-    Vec scale;
+struct BoundsAndScale {
+    LocalBounds extent;
+    Vec3 scale;
 };
 
-// What of a shape no camera is asked for; also the size row of its record.
+// Per-shape data that depends on no camera; also the size row of the shape's record.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_FN Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, ShapeForm& form,
-                             Record& record)
+WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, BoundsAndScale& form,
+                             ShapeRecord& record)
 {
     float sum = shape.position.x + shape.position.y + shape.position.z;
     for (int i = 0; i < 3; ++i)
         sum += shape.rotation.at[i][0] + shape.rotation.at[i][1] + shape.rotation.at[i][2];
     const float sizes = shape.size.x + shape.size.y + shape.size.z;
-    if (!(magnitude(sum) < FAR_AWAY) || sizes != sizes)
+    if (!(abs(sum) < MISS) || sizes != sizes)
         return BROKEN;
     form.extent = {};
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    return describe<TYPES>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
+    return shape_bounds<TYPES>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
 }
 
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four
 // are worked out at once, of which each stands for two; with all of them the registers of a trace would be twice as
 // many.
 template <int TYPES, int LENS, bool BOXES = true, int CORNERS = 1>
-WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera& camera, const Region& region,
-                         Record& record, TileBox& tiles)
+WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, const Camera& camera, const Region& region,
+                         ShapeRecord& record, TileRect& tiles)
 {
-    const Extent& extent = form.extent;
-    const Vec scale = form.scale;
-    const Vec away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
+    const LocalBounds& extent = form.extent;
+    const Vec3 scale = form.scale;
+    const Vec3 away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
                      camera.origin.z - shape.position.z };
-    const Vec o = turned_back(shape.rotation, away);
-    Matrix m;  // camera to shape
+    const Vec3 o = transform_transposed(shape.rotation, away);
+    Mat3 m;  // camera to shape
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             m.at[i][j] = shape.rotation.at[0][i] * camera.rotation.at[0][j]
@@ -299,23 +294,23 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
     tiles = { 0, 0, static_cast<signed char>(across), static_cast<signed char>(down) };
     float nearest = 0.0f;
     if (extent.half.x >= 0.0f) {  // not an endless plane
-        const Vec offset { extent.center.x - o.x, extent.center.y - o.y, extent.center.z - o.z };
-        const Vec center = turned_back(m, offset);
-        const Vec e = extent.half;
+        const Vec3 offset { extent.center.x - o.x, extent.center.y - o.y, extent.center.z - o.z };
+        const Vec3 center = transform_transposed(m, offset);
+        const Vec3 e = extent.half;
         const float depth = -center.z;
-        const float reach = magnitude(m.at[0][2]) * e.x + magnitude(m.at[1][2]) * e.y + magnitude(m.at[2][2]) * e.z;
-        const float slack = 1.0e-5f * (magnitude(depth) + reach);
-        nearest = upper(depth - reach - slack, 0.0f);
+        const float reach = abs(m.at[0][2]) * e.x + abs(m.at[1][2]) * e.y + abs(m.at[2][2]) * e.z;
+        const float slack = 1.0e-5f * (abs(depth) + reach);
+        nearest = max(depth - reach - slack, 0.0f);
         float farthest = depth + reach + slack;
         if constexpr (LENS == RAYS)
             distances(offset, e, nearest, farthest);
-        if constexpr (LENS == SPREAD) {
-            const Row s = all_starts(camera);
-            const Vec from { m.at[0][0] * s.x + m.at[0][1] * s.y + m.at[0][2] * s.z,
+        if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+            const Float3Int s = all_starts(camera);
+            const Vec3 from { m.at[0][0] * s.x + m.at[0][1] * s.y + m.at[0][2] * s.z,
                              m.at[1][0] * s.x + m.at[1][1] * s.y + m.at[1][2] * s.z,
                              m.at[2][0] * s.x + m.at[2][1] * s.y + m.at[2][2] * s.z };
             distances({ offset.x - from.x, offset.y - from.y, offset.z - from.z }, e, nearest, farthest);
-            nearest = upper(nearest - as_float(s.w), 0.0f);
+            nearest = max(nearest - as_float(s.w), 0.0f);
             farthest += as_float(s.w);
         }
         if (farthest < camera.near || nearest > camera.far)
@@ -326,31 +321,31 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
                 if (tiles.left > tiles.right)
                     return HIDDEN;
             }
-        } else if constexpr (LENS == SPREAD) {
+        } else if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
             if (BOXES) {
-                tiles = spread_tiles(camera, region, center, root(dot(e, e)));
+                tiles = spread_tiles(camera, region, center, sqrt(dot(e, e)));
                 if (tiles.left > tiles.right)
                     return HIDDEN;
             }
         } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
-            ViewSpan span { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY };
+            ViewSpan span { MISS, -MISS, MISS, -MISS };
             if ((TYPES & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
                 span_round<LENS>(shape.type, center, depth, m, e, span);
             } else {
-                const Vec side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
+                const Vec3 side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
 #pragma unroll CORNERS
                 for (int k = 0; k < 4; ++k) {
                     const float b = k & 1 ? e.y : -e.y, c = k & 2 ? e.z : -e.z;
-                    const Vec middle { center.x + m.at[1][0] * b + m.at[2][0] * c,
+                    const Vec3 middle { center.x + m.at[1][0] * b + m.at[2][0] * c,
                                        center.y + m.at[1][1] * b + m.at[2][1] * c,
                                        depth - (m.at[1][2] * b + m.at[2][2] * c) };
-                    const float w = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z - side.z);
-                    const float v = LENS == ORTHOGRAPHIC ? 1.0f : reciprocal(middle.z + side.z);
+                    const float w = LENS == ORTHOGRAPHIC ? 1.0f : rcp(middle.z - side.z);
+                    const float v = LENS == ORTHOGRAPHIC ? 1.0f : rcp(middle.z + side.z);
                     span.take((middle.x + side.x) * w, (middle.x - side.x) * v, (middle.y + side.y) * w,
                               (middle.y - side.y) * v);
                 }
             }
-            const float px = reciprocal(camera.scale_x), py = reciprocal(camera.scale_y);
+            const float px = rcp(camera.scale_x), py = rcp(camera.scale_y);
             tile_span(span.left * px + camera.center_x - 0.5f, span.right * px + camera.center_x - 0.5f, region.left,
                       region.width, TILE_WIDTH, tiles.left, tiles.right);
             tile_span(camera.center_y - 0.5f - span.high * py, camera.center_y - 0.5f - span.low * py, region.top,
@@ -372,11 +367,11 @@ WARPCAM_FN Visible place(const Shape& shape, const ShapeForm& form, const Camera
 
 // All of it.
 template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
-WARPCAM_APART WARPCAM_FN Visible prepare(const Shape& shape, const Camera& camera, const Region& region,
-                                         const Meshes& meshes, const HeightFields& fields, Record& record,
-                                         TileBox& tiles)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Visible setup_shape(const Shape& shape, const Camera& camera, const Region& region,
+                                         const Meshes& meshes, const HeightFields& fields, ShapeRecord& record,
+                                         TileRect& tiles)
 {
-    ShapeForm form;
+    BoundsAndScale form;
     const Visible found = find_form<TYPES>(shape, meshes, fields, form, record);
     return found == SEEN ? place<TYPES, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
 }

@@ -7,46 +7,46 @@
 namespace warpcam {
 
 // In the camera's frame; or how that changes from pixel to pixel.
-struct Beams {
-    Vecs start, direction;
+struct OffsetRay8 {
+    Vec3x8 start, direction;
 
-    void put(int k, const Beam& beam)
+    void put(int k, const OffsetRay& beam)
     {
-        put_one(start, k, beam.start);
-        put_one(direction, k, beam.direction);
+        set_lane(start, k, beam.start);
+        set_lane(direction, k, beam.direction);
     }
 };
 
-// Whether eight pixels of a group, which stand in order, follow each other.
-inline bool in_a_row(const short* pixels) { return pixels[PACKET - 1] - pixels[0] == PACKET - 1; }
+// True if eight pixels of a group, in ascending order, are consecutive.
+inline bool in_a_row(const short* pixels) { return pixels[SIMD_WIDTH - 1] - pixels[0] == SIMD_WIDTH - 1; }
 
-// Whether `count` of them do, in one row of WIDTH.
+// True if `count` pixels are consecutive in one row of WIDTH.
 template <int WIDTH> inline bool in_one_row(const short* pixels, int count)
 {
-    return count == PACKET && in_a_row(pixels) && pixels[0] % WIDTH + PACKET <= WIDTH;
+    return count == SIMD_WIDTH && in_a_row(pixels) && pixels[0] % WIDTH + SIMD_WIDTH <= WIDTH;
 }
 
-template <int LENS> inline void beams_of(Floats x, Floats y, Beams& beams)
+template <int LENS> inline void beams_of(Float8 x, Float8 y, OffsetRay8& beams)
 {
-    const Floats none = 0.0f, one = 1.0f;
+    const Float8 none = 0.0f, one = 1.0f;
     beams.start = { none, none, none };
     if constexpr (LENS == PINHOLE) {
         beams.direction = { x, y, -one };
     } else if constexpr (LENS == ORTHOGRAPHIC) {
         beams = { { x, y, none }, { none, none, -one } };
     } else if constexpr (LENS == RAYS) {
-        const Floats rate = 2.0f * reciprocal(1.0f + x * x + y * y);
+        const Float8 rate = 2.0f * rcp(1.0f + x * x + y * y);
         beams.direction = { rate * x, rate * y, one - rate };
     } else {
-        const float* rows[PACKET];
-        for (int k = 0; k < PACKET; ++k)
-            rows[k] = reinterpret_cast<const float*>(ViewRay<LENS> { x[k], y[k] }.own_rows());
-        const Columns start = columns_of(rows, 0), along = columns_of(rows, sizeof(Row) / sizeof(float));
+        const float* rows[SIMD_WIDTH];
+        for (int k = 0; k < SIMD_WIDTH; ++k)
+            rows[k] = reinterpret_cast<const float*>(CameraRay<LENS> { x[k], y[k] }.own_rows());
+        const Float8x4 start = columns_of(rows, 0), along = columns_of(rows, sizeof(Float3Int) / sizeof(float));
         beams = { { start.a, start.b, start.c }, { along.a, along.b, along.c } };
     }
 }
 
-template <int LENS> inline Vecs places_on(const Beams& beams, Floats depth)
+template <int LENS> inline Vec3x8 places_on(const OffsetRay8& beams, Float8 depth)
 {
     if constexpr (has_centre(LENS))
         return depth * beams.direction;
@@ -54,43 +54,43 @@ template <int LENS> inline Vecs places_on(const Beams& beams, Floats depth)
         return beams.start + depth * beams.direction;
 }
 
-inline void load_pairs(const Pair* from, Floats& x, Floats& y)
+inline void load_pairs(const Float2* from, Float8& x, Float8& y)
 {
-    Floats low, high;
+    Float8 low, high;
     __builtin_memcpy(&low, from, sizeof low);
-    __builtin_memcpy(&high, from + PACKET / 2, sizeof high);
+    __builtin_memcpy(&high, from + SIMD_WIDTH / 2, sizeof high);
     x = __builtin_shufflevector(low, high, 0, 2, 4, 6, 8, 10, 12, 14);
     y = __builtin_shufflevector(low, high, 1, 3, 5, 7, 9, 11, 13, 15);
 }
 
-// What begins a pixel's part of a table.
+// First entry of a pixel's part of a ray table.
 template <int LENS> struct TableEntry {
-    using type = Pair;
+    using type = Float2;
 };
-template <> struct TableEntry<SPREAD> {
-    using type = Row;
+template <> struct TableEntry<RAY_TABLE_WITH_ORIGINS> {
+    using type = Float3Int;
 };
 
-// Those of a table, row after row of the image; ENTRIES a pixel.
-template <int LENS> constexpr int ENTRIES = LENS == SPREAD ? SPREAD_ROWS : 1;
+// Rays of a table, row after row of the image; ENTRIES a pixel.
+template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? SPREAD_ROWS : 1;
 template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(const Camera& camera)
 {
-    if constexpr (LENS == SPREAD)
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         return tile_starts(camera, 0, tiles_down(camera));
     else
-        return reinterpret_cast<const Pair*>(tile_cones(camera, 0, tiles_down(camera)));
+        return reinterpret_cast<const Float2*>(tile_cones(camera, 0, tiles_down(camera)));
 }
 
 // The rays of a table from pixel (i, j) on, of those in the image that are nearest.
-template <int LENS> inline void beams_from(const Camera& camera, int i, int j, Beams& beams)
+template <int LENS> inline void beams_from(const Camera& camera, int i, int j, OffsetRay8& beams)
 {
-    Floats x, y;
+    Float8 x, y;
     const int width = table_width(camera);
-    if (LENS == RAYS && i + PACKET <= width && j < table_height(camera)) {
+    if (LENS == RAYS && i + SIMD_WIDTH <= width && j < table_height(camera)) {
         load_pairs(table_entries<RAYS>(camera) + (size_t(j) * width + i), x, y);
     } else {
-        for (int k = 0; k < PACKET; ++k) {
-            const ViewRay<LENS> ray = view_ray<LENS>(camera, i + k, j);
+        for (int k = 0; k < SIMD_WIDTH; ++k) {
+            const CameraRay<LENS> ray = view_ray<LENS>(camera, i + k, j);
             x[k] = ray.x;
             y[k] = ray.y;
         }
@@ -108,7 +108,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
     const Entry* rays;  // of a table, of all pixels of the image: so many
     int across, down;
 
-    // MIRRORED: its columns run the other way; `columns` is how many the image has.
+    // MIRROR_VIEW: its columns run the other way; `columns` is how many the image has.
     RayRows(const Camera& camera_, int left_, int width, bool mirrored, int columns)
         : camera(camera_), left(left_), top(0)
     {
@@ -122,7 +122,7 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
         }
     }
 
-    void go_to(int row, int rows)
+    void seek_tile(int row, int rows)
     {
         top = row;
         if constexpr (!has_table(LENS))
@@ -130,10 +130,10 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
                 y[k] = image_y(camera, float(row + k));
     }
 
-    // Of `count` pixels; the others are the last again.
-    void find(const short* pixels, int count, Floats& own_x, Floats& own_y) const
+    // Finds the rays of `count` pixels; further lanes repeat the last pixel.
+    void find(const short* pixels, int count, Float8& own_x, Float8& own_y) const
     {
-        if constexpr (LENS != SPREAD)
+        if constexpr (LENS != RAY_TABLE_WITH_ORIGINS)
             if (in_one_row<WIDTH>(pixels, count)) {
                 const int row = pixels[0] / WIDTH, column = pixels[0] % WIDTH;
                 if constexpr (LENS == RAYS) {
@@ -144,22 +144,22 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
                 }
                 return;
             }
-        for (int k = 0; k < PACKET; ++k) {
-            const int pixel = pixels[lower_int(k, count - 1)], row = pixel / WIDTH, column = pixel % WIDTH;
+        for (int k = 0; k < SIMD_WIDTH; ++k) {
+            const int pixel = pixels[min(k, count - 1)], row = pixel / WIDTH, column = pixel % WIDTH;
             if constexpr (LENS == RAYS)
                 put(*entry(left + column, top + row), k, own_x, own_y);
-            else if constexpr (LENS == SPREAD)
-                put(ViewRay<SPREAD>::of(entry(left + column, top + row)), k, own_x, own_y);
+            else if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+                put(CameraRay<RAY_TABLE_WITH_ORIGINS>::of(entry(left + column, top + row)), k, own_x, own_y);
             else
-                put(Pair { x[column], y[row] }, k, own_x, own_y);
+                put(Float2 { x[column], y[row] }, k, own_x, own_y);
         }
     }
 
-    // How these change to the next pixel across and down; where they begin, too, if that is not in one place.
-    void steps(const short* pixels, int count, Floats own_x, Floats own_y, Beams& right, Beams& under) const
+    // Changes of the rays to the next pixel across and down, with those of their origins if rays have own origins.
+    void steps(const short* pixels, int count, Float8 own_x, Float8 own_y, OffsetRay8& right, OffsetRay8& under) const
     {
-        const Floats none = 0.0f, a = camera.scale_x, b = -camera.scale_y;
-        const Vecs nowhere { none, none, none };
+        const Float8 none = 0.0f, a = camera.scale_x, b = -camera.scale_y;
+        const Vec3x8 nowhere { none, none, none };
         if constexpr (LENS == PINHOLE) {
             right = { nowhere, { a, none, none } };
             under = { nowhere, { none, b, none } };
@@ -170,8 +170,8 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
             right = { nowhere, turns(pixels, count, own_x, own_y, 1, 0) };
             under = { nowhere, turns(pixels, count, own_x, own_y, 0, 1) };
         } else {
-            for (int k = 0; k < PACKET; ++k) {
-                const ViewRay<LENS> ray { own_x[k], own_y[k] };
+            for (int k = 0; k < SIMD_WIDTH; ++k) {
+                const CameraRay<LENS> ray { own_x[k], own_y[k] };
                 right.put(k, ray.across());
                 under.put(k, ray.down());
             }
@@ -181,23 +181,23 @@ template <int LENS, int WIDTH, int ROWS> struct RayRows {
 private:
     const Entry* entry(int i, int j) const { return rays + ENTRIES<LENS> * (size_t(j) * across + i); }
 
-    template <class Two> static void put(const Two& two, int k, Floats& x, Floats& y)
+    template <class Two> static void put(const Two& two, int k, Float8& x, Float8& y)
     {
         x[k] = two.x;
         y[k] = two.y;
     }
 
     // The rays of the pixels so far beside them, and which of these there are, and see anything; else their own.
-    Ints beside(const short* pixels, int count, int right, int under, Floats& x, Floats& y) const
+    Int8 beside(const short* pixels, int count, int right, int under, Float8& x, Float8& y) const
     {
         const int i = left + pixels[0] % WIDTH + right, j = top + pixels[0] / WIDTH + under;
-        Ints there = -1;
-        Floats its_x, its_y;
-        if (in_one_row<WIDTH>(pixels, count) && i >= 0 && i + PACKET <= across && j >= 0 && j < down) {
+        Int8 there = -1;
+        Float8 its_x, its_y;
+        if (in_one_row<WIDTH>(pixels, count) && i >= 0 && i + SIMD_WIDTH <= across && j >= 0 && j < down) {
             load_pairs(entry(i, j), its_x, its_y);
         } else {
-            for (int k = 0; k < PACKET; ++k) {
-                const int pixel = pixels[lower_int(k, count - 1)], own_i = left + pixel % WIDTH,
+            for (int k = 0; k < SIMD_WIDTH; ++k) {
+                const int pixel = pixels[min(k, count - 1)], own_i = left + pixel % WIDTH,
                           own_j = top + pixel / WIDTH;
                 const int its_i = own_i + right, its_j = own_j + under;
                 const bool within = its_i >= 0 && its_i < across && its_j >= 0 && its_j < down;
@@ -205,21 +205,21 @@ private:
                 put(*entry(within ? its_i : own_i, within ? its_j : own_j), k, its_x, its_y);
             }
         }
-        there &= its_x < BLIND;
+        there &= its_x < NO_RAY;
         x = there ? its_x : x;
         y = there ? its_y : y;
         return there;
     }
 
-    // As table_slopes() and turn_of() have it.
-    Vecs turns(const short* pixels, int count, Floats own_x, Floats own_y, int right, int under) const
+    // Changes of rays as changes of unit directions: table_slopes() and turn_of() for a packet.
+    Vec3x8 turns(const short* pixels, int count, Float8 own_x, Float8 own_y, int right, int under) const
     {
-        Floats from_x = own_x, from_y = own_y, to_x = own_x, to_y = own_y;
-        const Ints both =
+        Float8 from_x = own_x, from_y = own_y, to_x = own_x, to_y = own_y;
+        const Int8 both =
             beside(pixels, count, -right, -under, from_x, from_y) & beside(pixels, count, right, under, to_x, to_y);
-        const Floats share = own_x >= BLIND ? (Floats)0.0f : both ? (Floats)0.5f : (Floats)1.0f;
-        const Floats dx = share * (to_x - from_x), dy = share * (to_y - from_y);
-        const Floats rate = reciprocal(1.0f + own_x * own_x + own_y * own_y),
+        const Float8 share = own_x >= NO_RAY ? (Float8)0.0f : both ? (Float8)0.5f : (Float8)1.0f;
+        const Float8 dx = share * (to_x - from_x), dy = share * (to_y - from_y);
+        const Float8 rate = rcp(1.0f + own_x * own_x + own_y * own_y),
                      along = 2.0f * rate * (own_x * dx + own_y * dy);
         return { 2.0f * rate * (dx - along * own_x), 2.0f * rate * (dy - along * own_y), 2.0f * rate * along };
     }

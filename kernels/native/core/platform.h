@@ -1,4 +1,4 @@
-// What differs between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
+// Differences between a CUDA block and a CPU thread: barriers, lanes, a few arithmetic helpers.
 #pragma once
 
 // Products are added to without being rounded first, as on CUDA, but where a function says otherwise.
@@ -9,84 +9,84 @@
 namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
-#define WARPCAM_FN __device__ inline
-#define WARPCAM_APART
+#define WARPCAM_DEVICE __device__ inline
+#define WARPCAM_NOINLINE_CPU
 #define WARPCAM_SHARED __shared__
 #if !defined(WARPCAM_THREADS)
 #define WARPCAM_THREADS 128
 #endif
 constexpr int THREADS = WARPCAM_THREADS;  // that work on one region of an image
 #else
-#define WARPCAM_FN inline
+#define WARPCAM_DEVICE inline
 // A function for a shape or a light, not for a pixel. On a CPU others with one caller are inlined there; with these,
 // too, compiling would take half as long again.
-#define WARPCAM_APART __attribute__((noinline))
+#define WARPCAM_NOINLINE_CPU __attribute__((noinline))
 #define WARPCAM_SHARED
 constexpr int THREADS = 1;
 #endif
 
-constexpr int LANES = 32;
-constexpr unsigned ALL = 0xffffffffu;  // lanes of a warp
-constexpr float FAR_AWAY = 3.0e38f;  // stands for infinity where infinities would breed NaNs
+constexpr int WARP_SIZE = 32;
+constexpr unsigned FULL_WARP = 0xffffffffu;  // lanes of a warp
+constexpr float MISS = 3.0e38f;  // stands for infinity where infinities would breed NaNs
 // No ray goes farther. It is nearer than the boxes that stand for absent children of a node: a ray may run through all
 // three of their planes at once.
-constexpr float ENDLESS = 1.0e25f;
+constexpr float MAX_RAY_T = 1.0e25f;
 
 // Four words that are loaded with one instruction.
-struct alignas(16) Row {
+struct alignas(16) Float3Int {
     float x, y, z;
     int w;
 };
 
-WARPCAM_FN Row load(const void* rows, unsigned index)
+WARPCAM_DEVICE Float3Int load(const void* rows, unsigned index)
 {
 #if defined(__CUDA_ARCH__)
     const int4 bits = __ldg(static_cast<const int4*>(rows) + index);
     return { __int_as_float(bits.x), __int_as_float(bits.y), __int_as_float(bits.z), bits.w };
 #else
-    return static_cast<const Row*>(rows)[index];
+    return static_cast<const Float3Int*>(rows)[index];
 #endif
 }
 
-struct alignas(8) Pair {
+struct alignas(8) Float2 {
     float x, y;
 };
 
-struct Vec {
+struct Vec3 {
     float x, y, z;
 };
 
 // Neighbours that are loaded with one instruction.
-template <class Value, int COUNT> struct alignas(COUNT * sizeof(Value)) Several {
+template <class Value, int COUNT> struct alignas(COUNT * sizeof(Value)) AlignedArray {
     Value at[COUNT];
 };
 
-template <int COUNT, class Value> WARPCAM_FN Several<Value, COUNT> several(const Value* from)
+template <int COUNT, class Value> WARPCAM_DEVICE AlignedArray<Value, COUNT> load_vector(const Value* from)
 {
-    return *reinterpret_cast<const Several<Value, COUNT>*>(from);
+    return *reinterpret_cast<const AlignedArray<Value, COUNT>*>(from);
 }
 
 // Four neighbours as they are loaded, in as many words as one has bytes: what is asked for long before it is used stays
 // whole.
-template <class Value> WARPCAM_FN Several<unsigned, sizeof(Value)> four_at(const Value* from)
+template <class Value> WARPCAM_DEVICE AlignedArray<unsigned, sizeof(Value)> load4(const Value* from)
 {
-    return several<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
+    return load_vector<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
 }
 
 #if defined(__CUDA_ARCH__)
-WARPCAM_FN float lower(float a, float b) { return fminf(a, b); }
-WARPCAM_FN float upper(float a, float b) { return fmaxf(a, b); }
-WARPCAM_FN float magnitude(float a) { return fabsf(a); }
+WARPCAM_DEVICE float min(float a, float b) { return fminf(a, b); }
+WARPCAM_DEVICE float max(float a, float b) { return fmaxf(a, b); }
+WARPCAM_DEVICE float abs(float a) { return fabsf(a); }
 #else
-WARPCAM_FN float lower(float a, float b) { return a < b ? a : b; }
-WARPCAM_FN float upper(float a, float b) { return a > b ? a : b; }
-WARPCAM_FN float magnitude(float a) { return __builtin_fabsf(a); }
+WARPCAM_DEVICE float min(float a, float b) { return a < b ? a : b; }
+WARPCAM_DEVICE float max(float a, float b) { return a > b ? a : b; }
+WARPCAM_DEVICE float abs(float a) { return __builtin_fabsf(a); }
 #endif
-WARPCAM_FN constexpr int lower_int(int a, int b) { return a < b ? a : b; }
-WARPCAM_FN int upper_int(int a, int b) { return a > b ? a : b; }
+WARPCAM_DEVICE constexpr int min(int a, int b) { return a < b ? a : b; }
+WARPCAM_DEVICE int max(int a, int b) { return a > b ? a : b; }
 
 // a * b and a * b + c, each rounded exactly as written, so that equal inputs give equal results everywhere.
-WARPCAM_FN float product(float a, float b)
+WARPCAM_DEVICE float mul_rn(float a, float b)
 {
 #if defined(__CUDA_ARCH__)
     return __fmul_rn(a, b);
@@ -96,7 +96,7 @@ WARPCAM_FN float product(float a, float b)
 #endif
 }
 
-WARPCAM_FN float muladd(float a, float b, float c)
+WARPCAM_DEVICE float fma(float a, float b, float c)
 {
 #if defined(__CUDA_ARCH__)
     return __fmaf_rn(a, b, c);
@@ -107,7 +107,7 @@ WARPCAM_FN float muladd(float a, float b, float c)
 }
 
 // Reciprocal and square root to about two units in the last place.
-WARPCAM_FN float reciprocal(float a)
+WARPCAM_DEVICE float rcp(float a)
 {
 #if defined(__CUDA_ARCH__)
     float r;
@@ -118,7 +118,7 @@ WARPCAM_FN float reciprocal(float a)
 #endif
 }
 
-WARPCAM_FN float root(float a)
+WARPCAM_DEVICE float sqrt(float a)
 {
 #if defined(__CUDA_ARCH__)
     float r;
@@ -130,11 +130,11 @@ WARPCAM_FN float root(float a)
 }
 
 // A divisor that is never zero.
-WARPCAM_FN float nonzero(float a) { return magnitude(a) < 1.0e-18f ? 1.0e-18f : a; }
+WARPCAM_DEVICE float avoid_zero(float a) { return abs(a) < 1.0e-18f ? 1.0e-18f : a; }
 
-WARPCAM_FN float dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+WARPCAM_DEVICE float dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
-WARPCAM_FN int as_int(float a)
+WARPCAM_DEVICE int as_int(float a)
 {
     union {
         float f;
@@ -144,7 +144,7 @@ WARPCAM_FN int as_int(float a)
     return u.i;
 }
 
-WARPCAM_FN float as_float(int a)
+WARPCAM_DEVICE float as_float(int a)
 {
     union {
         float f;
@@ -155,7 +155,7 @@ WARPCAM_FN float as_float(int a)
 }
 
 // A place in a shared list of so many, which it makes longer by one.
-WARPCAM_FN int claimed(int& count)
+WARPCAM_DEVICE int atomic_append(int& count)
 {
 #if defined(__CUDA_ARCH__)
     return atomicAdd(&count, 1);
@@ -164,12 +164,12 @@ WARPCAM_FN int claimed(int& count)
 #endif
 }
 
-// The same object in shared memory, by an address that stays in a register: a variable's own the compiler works out
-// anew at each use, in three or four instructions. For whole warps.
-template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
+// Returns the object in shared memory by an address that stays in a register: the compiler computes a variable's own
+// address anew at each use, in three or four instructions. For whole warps.
+template <class Shared> WARPCAM_DEVICE Shared& keep_shared_address(Shared& shared)
 {
 #if defined(__CUDA_ARCH__)
-    const unsigned address = __shfl_sync(ALL, static_cast<unsigned>(__cvta_generic_to_shared(&shared)), 0);
+    const unsigned address = __shfl_sync(FULL_WARP, static_cast<unsigned>(__cvta_generic_to_shared(&shared)), 0);
     return *static_cast<Shared*>(__cvta_shared_to_generic(address));
 #else
     return shared;
@@ -177,10 +177,10 @@ template <class Shared> WARPCAM_FN Shared& by_address(Shared& shared)
 }
 
 // A number that all lanes of a warp have, which then stays in a uniform register. For whole warps.
-WARPCAM_FN int same_of_warp(int number)
+WARPCAM_DEVICE int warp_uniform(int number)
 {
 #if defined(__CUDA_ARCH__)
-    return __shfl_sync(ALL, number, 0);
+    return __shfl_sync(FULL_WARP, number, 0);
 #else
     return number;
 #endif
@@ -188,38 +188,38 @@ WARPCAM_FN int same_of_warp(int number)
 
 #if defined(__CUDA_ARCH__)
 // The sum of all lanes' numbers.
-WARPCAM_FN int sum_of_all(int number)
+WARPCAM_DEVICE int warp_reduce_add(int number)
 {
 #if __CUDA_ARCH__ >= 800
-    return __reduce_add_sync(ALL, number);
+    return __reduce_add_sync(FULL_WARP, number);
 #else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        number += __shfl_xor_sync(ALL, number, step);
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number += __shfl_xor_sync(FULL_WARP, number, step);
     return number;
 #endif
 }
 
 // The least of them.
-WARPCAM_FN int least_of_all(int number)
+WARPCAM_DEVICE int warp_reduce_min(int number)
 {
 #if __CUDA_ARCH__ >= 800
-    return __reduce_min_sync(ALL, number);
+    return __reduce_min_sync(FULL_WARP, number);
 #else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        number = lower_int(number, __shfl_xor_sync(ALL, number, step));
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number = min(number, __shfl_xor_sync(FULL_WARP, number, step));
     return number;
 #endif
 }
 #endif
 
-WARPCAM_FN void block_barrier()
+WARPCAM_DEVICE void block_sync()
 {
 #if defined(__CUDA_ARCH__)
     __syncthreads();
 #endif
 }
 
-WARPCAM_FN void warp_barrier()
+WARPCAM_DEVICE void warp_sync()
 {
 #if defined(__CUDA_ARCH__)
     __syncwarp();
@@ -227,31 +227,31 @@ WARPCAM_FN void warp_barrier()
 }
 
 // For a team of so many threads: a block, or one of its warps.
-template <int TEAM> WARPCAM_FN void team_barrier()
+template <int WARP_OR_ONE> WARPCAM_DEVICE void team_barrier()
 {
-    if constexpr (TEAM == THREADS)
-        block_barrier();
+    if constexpr (WARP_OR_ONE == THREADS)
+        block_sync();
     else
-        warp_barrier();
+        warp_sync();
 }
 
 #if defined(__CUDA_ARCH__)
 // Barriers for some warps of a block, so many threads in all: those that wait, and those that say that they were there.
 enum Barrier { FIRST_WARPS = 1, SHAPES_SORTED, MOTIONS_THERE };
 
-template <Barrier NUMBER, int COUNT> WARPCAM_FN void wait_at()
+template <Barrier NUMBER, int COUNT> WARPCAM_DEVICE void named_barrier_sync()
 {
     __syncwarp();
     asm volatile("bar.sync %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
 }
-template <Barrier NUMBER, int COUNT> WARPCAM_FN void arrive_at()
+template <Barrier NUMBER, int COUNT> WARPCAM_DEVICE void named_barrier_arrive()
 {
     __syncwarp();
     asm volatile("bar.arrive %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
 }
 #endif
 
-WARPCAM_FN int lowest_bit(unsigned bits)
+WARPCAM_DEVICE int ctz(unsigned bits)
 {
 #if defined(__CUDA_ARCH__)
     return 31 - __clz(bits & -bits);  // not __ffs(), which reverses all bits first

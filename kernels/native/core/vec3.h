@@ -4,91 +4,99 @@
 
 namespace warpcam {
 
+constexpr float PI = 3.14159265358979f;
+
 // A function that is seldom called: inlined it would only crowd the instruction cache.
 #if defined(__CUDA_ARCH__)
-#define WARPCAM_COLD __device__ __noinline__
+#define WARPCAM_NOINLINE __device__ __noinline__
 #else
-#define WARPCAM_COLD __attribute__((noinline))
+#define WARPCAM_NOINLINE __attribute__((noinline))
 #endif
 
-WARPCAM_FN Vec operator+(Vec a, Vec b) { return { a.x + b.x, a.y + b.y, a.z + b.z }; }
-WARPCAM_FN Vec operator-(Vec a, Vec b) { return { a.x - b.x, a.y - b.y, a.z - b.z }; }
-WARPCAM_FN Vec operator-(Vec a) { return { -a.x, -a.y, -a.z }; }
-WARPCAM_FN Vec operator*(float s, Vec a) { return { s * a.x, s * a.y, s * a.z }; }
-WARPCAM_FN Vec times(Vec a, Vec b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
-WARPCAM_FN Vec cross(Vec a, Vec b)
+WARPCAM_DEVICE Vec3 operator+(Vec3 a, Vec3 b) { return { a.x + b.x, a.y + b.y, a.z + b.z }; }
+WARPCAM_DEVICE Vec3 operator-(Vec3 a, Vec3 b) { return { a.x - b.x, a.y - b.y, a.z - b.z }; }
+WARPCAM_DEVICE Vec3 operator-(Vec3 a) { return { -a.x, -a.y, -a.z }; }
+WARPCAM_DEVICE Vec3 operator*(float s, Vec3 a) { return { s * a.x, s * a.y, s * a.z }; }
+WARPCAM_DEVICE Vec3 mul(Vec3 a, Vec3 b) { return { a.x * b.x, a.y * b.y, a.z * b.z }; }
+WARPCAM_DEVICE Vec3 div(Vec3 a, Vec3 b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
+WARPCAM_DEVICE Vec3 cross(Vec3 a, Vec3 b)
 {
     return { a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
 }
 
-template <class Value> WARPCAM_FN Vec to_vec(const Value& v) { return { v[0], v[1], v[2] }; }
-WARPCAM_FN Vec to_vec(const Row& row) { return { row.x, row.y, row.z }; }
-WARPCAM_FN Row to_row(Vec v, int w) { return { v.x, v.y, v.z, w }; }
+template <class Value> WARPCAM_DEVICE Vec3 as_vec3(const Value& v) { return { v[0], v[1], v[2] }; }
+WARPCAM_DEVICE Vec3 as_vec3(const Float3Int& row) { return { row.x, row.y, row.z }; }
+WARPCAM_DEVICE Float3Int make_float3_int(Vec3 v, int w) { return { v.x, v.y, v.z, w }; }
 
 // A component of a vector that stays in registers, and the vector along an axis.
-WARPCAM_FN float component(Vec v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-WARPCAM_FN Vec axis_vector(int axis, float value)
+WARPCAM_DEVICE float component(Vec3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+WARPCAM_DEVICE Vec3 axis_vector(int axis, float value)
 {
     return { axis == 0 ? value : 0.0f, axis == 1 ? value : 0.0f, axis == 2 ? value : 0.0f };
 }
 
 // 0 and the sign that Warp gives it count as positive.
-WARPCAM_FN float sign(float a) { return a < 0.0f ? -1.0f : 1.0f; }
+WARPCAM_DEVICE float sign(float a) { return a < 0.0f ? -1.0f : 1.0f; }
 
 // `a` between two bounds; NaN becomes the lower one.
-WARPCAM_FN float between(float a, float low, float high) { return lower(upper(a, low), high); }
-WARPCAM_FN int between(int a, int low, int high) { return a < low ? low : a > high ? high : a; }
+WARPCAM_DEVICE float clamp(float a, float low, float high) { return min(max(a, low), high); }
+WARPCAM_DEVICE int clamp(int a, int low, int high) { return a < low ? low : a > high ? high : a; }
 
 #if defined(__CUDA_ARCH__)
 
-WARPCAM_FN float saturated(float a) { return __saturatef(a); }
+WARPCAM_DEVICE float saturate(float a) { return __saturatef(a); }
 
-WARPCAM_FN float inverse_root(float a)  // of a normal number above zero
+WARPCAM_DEVICE float rsqrt(float a)  // of a normal number above zero
 {
     float r;
     asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
     return r;
 }
 
-WARPCAM_FN float logarithm2(float a)
+WARPCAM_DEVICE float log2(float a)
 {
     float r;
     asm("lg2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(a));
     return r;
 }
 
-WARPCAM_FN float power(float base, float exponent)  // of a normal base above zero
+WARPCAM_DEVICE float pow(float base, float exponent)  // of a normal base above zero
 {
     float r;
-    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(exponent * logarithm2(base)));
+    asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(exponent * log2(base)));
     return r;
 }
 
-WARPCAM_FN float sine(float a) { return __sinf(a); }
-WARPCAM_FN float cosine(float a) { return __cosf(a); }
-WARPCAM_FN float round_down(float a) { return floorf(a); }
+WARPCAM_DEVICE float sin(float a) { return __sinf(a); }
+WARPCAM_DEVICE float cos(float a) { return __cosf(a); }
+WARPCAM_DEVICE float round_down(float a) { return floorf(a); }
 
 #else
 
-WARPCAM_FN float saturated(float a) { return between(a, 0.0f, 1.0f); }
-WARPCAM_FN float inverse_root(float a) { return 1.0f / __builtin_sqrtf(a); }
-WARPCAM_FN float logarithm2(float a) { return wp::log2(a); }
-WARPCAM_FN float power(float base, float exponent) { return wp::pow(base, exponent); }
-WARPCAM_FN float sine(float a) { return wp::sin(a); }
-WARPCAM_FN float cosine(float a) { return wp::cos(a); }
-WARPCAM_FN float round_down(float a) { return wp::floor(a); }
+WARPCAM_DEVICE float saturate(float a) { return clamp(a, 0.0f, 1.0f); }
+WARPCAM_DEVICE float rsqrt(float a) { return 1.0f / __builtin_sqrtf(a); }
+WARPCAM_DEVICE float log2(float a) { return wp::log2(a); }
+WARPCAM_DEVICE float pow(float base, float exponent) { return wp::pow(base, exponent); }
+WARPCAM_DEVICE float sin(float a) { return wp::sin(a); }
+WARPCAM_DEVICE float cos(float a) { return wp::cos(a); }
+WARPCAM_DEVICE float round_down(float a) { return wp::floor(a); }
 
 #endif
 
-// `saturated` is `a` between 0 and 1, and 0 for NaN.
-constexpr float TINY = 1.0e-37f;  // its square root and its inverse are normal numbers
+WARPCAM_DEVICE float exp2(float a) { return pow(2.0f, a); }
+WARPCAM_DEVICE float fourth_power(float a) { return a * a * a * a; }
+WARPCAM_DEVICE float atan2(float y, float x) { return wp::atan2(y, x); }
+WARPCAM_DEVICE float acos(float a) { return wp::acos(a); }
 
-WARPCAM_FN Vec normalized(Vec a) { return inverse_root(upper(dot(a, a), TINY)) * a; }
+// `saturate` is `a` between 0 and 1, and 0 for NaN.
+constexpr float MIN_NORMAL = 1.0e-37f;  // its square root and its inverse are normal numbers
+
+WARPCAM_DEVICE Vec3 normalized(Vec3 a) { return rsqrt(max(dot(a, a), MIN_NORMAL)) * a; }
 
 // The nearest of 255 steps of [0, 1]; what lies outside is clipped, NaN is 0.
-WARPCAM_FN unsigned to_byte(float value)
+WARPCAM_DEVICE unsigned to_byte(float value)
 {
-    const float steps = saturated(value) * 255.0f + 0.5f;
+    const float steps = saturate(value) * 255.0f + 0.5f;
 #if defined(__CUDA_ARCH__)  // no number of this size has places after the point, and adding rounds down
     return static_cast<unsigned>(as_int(__fadd_rd(steps, 8388608.0f))) & 0xffu;
 #else
@@ -97,23 +105,23 @@ WARPCAM_FN unsigned to_byte(float value)
 }
 
 // A colour as the bytes R, G, B of a word, the fourth 0.
-WARPCAM_FN unsigned to_bytes(Vec color) { return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16; }
+WARPCAM_DEVICE unsigned to_bytes(Vec3 color) { return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16; }
 
-static WARPCAM_COLD int remainder(int a, int b) { return a % b; }
+static WARPCAM_NOINLINE int remainder(int a, int b) { return a % b; }
 
 // The element of a table that worlds may share: of world `world` modulo the table's rows.
-template <class Array> WARPCAM_FN auto row_of(const Array& table, int world, int i)
+template <class Array> WARPCAM_DEVICE auto per_world(const Array& table, int world, int i)
 {
     const int rows = table.shape[0];
     const int row = world < rows ? world : rows == 1 ? 0 : remainder(world, rows);
     return *wp::address(table, row, i);
 }
 
-// Is it so for any of the 32 pixels that a warp draws together? A CPU thread draws one at a time.
-WARPCAM_FN bool any_lane(bool mine)
+// True if any of the 32 pixels that a warp draws together is true. A CPU thread draws one pixel at a time.
+WARPCAM_DEVICE bool warp_any(bool mine)
 {
 #if defined(__CUDA_ARCH__)
-    return __any_sync(ALL, mine);
+    return __any_sync(FULL_WARP, mine);
 #else
     return mine;
 #endif

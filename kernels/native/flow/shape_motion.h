@@ -1,46 +1,47 @@
-// How a shape has moved in a camera's image since its world was last drawn.
+// Motion of a shape in a camera's image since its world's previous frame.
 #pragma once
 #include "flow/visibility_history.h"
 
 namespace warpcam {
 
-// What of a surface was farther than what was seen around it was hidden: by more than this part of its depth and so
-// many of a pixel's widths there. Of what bends inwards neighbouring pixels may be nearer than what lies between them.
+// Depth tolerances of visibility in the previous frame: a surface farther than what was seen around it, by more than
+// this part of its depth and so many pixel widths, was hidden. On a concave surface neighbouring pixels may be nearer
+// than what lies between them.
 constexpr float FARTHER = 0.004f, CONVEX = 0.25f, HOLLOW = 1.0f;
 
 // So many of the 256 steps in which depths are counted may what is compared be apart, of which eight bits are kept.
 constexpr float MOST_APART = 120.0f;
 
-WARPCAM_FN bool same_vec(Vec a, Vec b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+WARPCAM_DEVICE bool same_vec(Vec3 a, Vec3 b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
 
-struct Reach {
+struct DepthTolerance {
     float part, shift;  // of a depth, and what is added to it [m]: nothing nearer may have been seen at a point's place
 };
 
-WARPCAM_FN Reach reach_of(int kind, const Camera& camera, bool pinhole)
+WARPCAM_DEVICE DepthTolerance reach_of(int kind, const Camera& camera, bool pinhole)
 {
     const bool hollow = kind == MESH || kind == HEIGHT_FIELD || kind == SPLATS;
-    const float pixel = upper(camera.scale_x, camera.scale_y);
+    const float pixel = max(camera.scale_x, camera.scale_y);
     const float wide = kind == PLANE ? 0.0f : (hollow ? HOLLOW : CONVEX) * pixel;  // a plane hides nothing of itself
     if (pinhole)
-        return { reciprocal(1.0f + FARTHER + wide), 0.0f };
+        return { rcp(1.0f + FARTHER + wide), 0.0f };
     return { 1.0f / (1.0f + FARTHER), -wide };
 }
 
-// Where a shape is and which.
+// Pose of a shape, and its mesh.
 struct ShapePose {
-    Vec position;
-    Matrix rotation;
-    Vec size;
+    Vec3 position;
+    Mat3 rotation;
+    Vec3 size;
     int asset;
 };
 
 // Steps a metre in which the depths of a convex shape are counted.
-WARPCAM_FN float steps_of(int kind, const ShapePose& pose, const Camera& camera, bool pinhole)
+WARPCAM_DEVICE float steps_of(int kind, const ShapePose& pose, const Camera& camera, bool pinhole)
 {
     if (kind == PLANE)
         return 0.0f;
-    Vec half = pose.size;
+    Vec3 half = pose.size;
     if (kind == SPHERE)
         half = { half.x, half.x, half.x };
     else if (kind == CAPSULE)
@@ -49,20 +50,20 @@ WARPCAM_FN float steps_of(int kind, const ShapePose& pose, const Camera& camera,
         half = { half.x, half.x, half.y };
     else if (kind == BARREL)  // its side is bent by less than its half length
         half = { half.x + half.y, half.x + half.y, half.y };
-    const Vec axis { camera.rotation.at[0][2], camera.rotation.at[1][2], camera.rotation.at[2][2] };
-    const Vec along = turned_back(pose.rotation, axis);
-    const float radius = magnitude(along.x) * half.x + magnitude(along.y) * half.y + magnitude(along.z) * half.z;
-    const float farthest = magnitude(dot(axis, camera.origin - pose.position)) + radius;
-    const Reach reach = reach_of(kind, camera, pinhole);
+    const Vec3 axis { camera.rotation.at[0][2], camera.rotation.at[1][2], camera.rotation.at[2][2] };
+    const Vec3 along = transform_transposed(pose.rotation, axis);
+    const float radius = abs(along.x) * half.x + abs(along.y) * half.y + abs(along.z) * half.z;
+    const float farthest = abs(dot(axis, camera.origin - pose.position)) + radius;
+    const DepthTolerance reach = reach_of(kind, camera, pinhole);
     return MOST_APART
-           * reciprocal(
-               upper(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
+           * rcp(
+               max(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
 }
 
-WARPCAM_FN float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * reciprocal(now); }
+WARPCAM_DEVICE float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * rcp(now); }
 
-// How many times as large the shape was along its axes.
-WARPCAM_FN Vec stretch(int kind, Vec then, Vec now, bool scaled)
+// Ratio of the shape's previous to its present size along its axes.
+WARPCAM_DEVICE Vec3 stretch(int kind, Vec3 then, Vec3 now, bool scaled)
 {
     if (same_vec(then, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
         return { 1.0f, 1.0f, 1.0f };
@@ -74,7 +75,7 @@ WARPCAM_FN Vec stretch(int kind, Vec then, Vec now, bool scaled)
     return { x, y, ratio(then.z, now.z) };
 }
 
-WARPCAM_FN void put_row(Row* rows, int row, Vec v, float w)
+WARPCAM_DEVICE void put_row(Float3Int* rows, int row, Vec3 v, float w)
 {
 #if defined(__CUDA_ARCH__)
     *reinterpret_cast<float4*>(rows + row) = make_float4(v.x, v.y, v.z, w);
@@ -84,7 +85,7 @@ WARPCAM_FN void put_row(Row* rows, int row, Vec v, float w)
 }
 
 // To the same pixel, but to a depth behind the camera.
-WARPCAM_FN void put_unknown(Row* motion, int step)
+WARPCAM_DEVICE void put_unknown(Float3Int* motion, int step)
 {
     put_row(motion, 0, { 1.0f, 0.0f, 0.0f }, 0.0f);
     put_row(motion, step, { 0.0f, 1.0f, 0.0f }, 0.0f);
@@ -92,28 +93,28 @@ WARPCAM_FN void put_unknown(Row* motion, int step)
 }
 
 // A shape's rows of Trail.before, of so many shapes.
-WARPCAM_FN ShapePose pose_before(const Row* before, int columns)
+WARPCAM_DEVICE ShapePose pose_before(const Float3Int* before, int columns)
 {
-    const Row a = load(before, 0), b = load(before, columns), c = load(before, 2 * columns),
+    const Float3Int a = load(before, 0), b = load(before, columns), c = load(before, 2 * columns),
               d = load(before, 3 * columns);
-    return { to_vec(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
+    return { as_vec3(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
              { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
 }
 
-template <class Shapes> WARPCAM_FN ShapePose pose_now(const Shapes& shapes, int world, int shape)
+template <class Shapes> WARPCAM_DEVICE ShapePose pose_now(const Shapes& shapes, int world, int shape)
 {
     ShapePose pose;
-    pose.position = to_vec(wp::index(shapes.positions, world, shape));
+    pose.position = as_vec3(wp::index(shapes.positions, world, shape));
     const auto r = wp::index(shapes.rotations, world, shape);
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             pose.rotation.at[i][j] = r.data[i][j];
-    pose.size = to_vec(shared_row(shapes.sizes, world, shape));
-    pose.asset = shared_row(shapes.assets, world, shape);
+    pose.size = as_vec3(per_world(shapes.sizes, world, shape));
+    pose.asset = per_world(shapes.assets, world, shape);
     return pose;
 }
 
-WARPCAM_FN void keep_pose(Row* before, int columns, const ShapePose& pose)
+WARPCAM_DEVICE void keep_pose(Float3Int* before, int columns, const ShapePose& pose)
 {
     const auto& r = pose.rotation.at;
     put_row(before, 0, pose.position, pose.size.x);
@@ -122,7 +123,7 @@ WARPCAM_FN void keep_pose(Row* before, int columns, const ShapePose& pose)
     put_row(before, 3 * columns, { r[2][0], r[2][1], r[2][2] }, as_float(pose.asset));
 }
 
-WARPCAM_FN bool same_pose(const ShapePose& a, const ShapePose& b)
+WARPCAM_DEVICE bool same_pose(const ShapePose& a, const ShapePose& b)
 {
     bool same = same_vec(a.position, b.position) && same_vec(a.size, b.size) && a.asset == b.asset;
     for (int i = 0; i < 9; ++i)
@@ -131,16 +132,16 @@ WARPCAM_FN bool same_pose(const ShapePose& a, const ShapePose& b)
 }
 
 // From a camera's frame to pixels, all times the planar depth. It looks along -z, and rows run down.
-struct ToPixels {
+struct Projection {
     float right, down, column, row;
 
-    WARPCAM_FN ToPixels(const Camera& camera, bool pinhole)
-        : right(reciprocal(camera.scale_x)), down(-reciprocal(camera.scale_y)),
+    WARPCAM_DEVICE Projection(const Camera& camera, bool pinhole)
+        : right(rcp(camera.scale_x)), down(-rcp(camera.scale_y)),
           column(pinhole ? camera.center_x - 0.5f : 0.0f), row(pinhole ? camera.center_y - 0.5f : 0.0f)
     {
     }
     // Row i of what that makes of a vector's or three vectors' rows.
-    WARPCAM_FN float of(int i, float x, float y, float z) const
+    WARPCAM_DEVICE float of(int i, float x, float y, float z) const
     {
         return i == 0 ? right * x - column * z : i == 1 ? down * y - row * z : -z;
     }
@@ -149,9 +150,9 @@ struct ToPixels {
 // Writes the rows of Trail.motions that a shape has, each so many after the last. DEPTHS: the fourth tells depths, too,
 // not only what rests.
 template <bool MOVES, bool DEPTHS, class Trail>
-WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
+WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
                                const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
-                               Row* motion, int step)
+                               Float3Int* motion, int step)
 {
     const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
@@ -160,23 +161,23 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
         return;
     }
     // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
-    const Vec grown = stretch(kind, old.size, pose.size, scaled);
-    Matrix turn, change;
+    const Vec3 grown = stretch(kind, old.size, pose.size, scaled);
+    Mat3 turn, change;
     for (int i = 0; i < 3; ++i) {
         const auto& o = old.rotation.at[i];
         const auto& r = pose.rotation.at[i];
-        const Vec row { o[0] * grown.x - r[0], o[1] * grown.y - r[1], o[2] * grown.z - r[2] };
+        const Vec3 row { o[0] * grown.x - r[0], o[1] * grown.y - r[1], o[2] * grown.z - r[2] };
         for (int j = 0; j < 3; ++j)
             turn.at[i][j] = dot(row, { pose.rotation.at[j][0], pose.rotation.at[j][1], pose.rotation.at[j][2] });
     }
-    const Vec away =
-        (now.origin - then.origin) + (old.position - pose.position) + turned(turn, now.origin - pose.position);
-    const Vec shift = turned_back(then.rotation, away);
+    const Vec3 away =
+        (now.origin - then.origin) + (old.position - pose.position) + transform(turn, now.origin - pose.position);
+    const Vec3 shift = transform_transposed(then.rotation, away);
     float moved = dot(shift, shift);
     for (int i = 0; i < 3; ++i) {
-        const Vec axis { then.rotation.at[0][i], then.rotation.at[1][i], then.rotation.at[2][i] };
-        const Vec sooner { now.rotation.at[0][i], now.rotation.at[1][i], now.rotation.at[2][i] };
-        const Vec row = turned_back(now.rotation, (axis - sooner) + turned_back(turn, axis));
+        const Vec3 axis { then.rotation.at[0][i], then.rotation.at[1][i], then.rotation.at[2][i] };
+        const Vec3 sooner { now.rotation.at[0][i], now.rotation.at[1][i], now.rotation.at[2][i] };
+        const Vec3 row = transform_transposed(now.rotation, (axis - sooner) + transform_transposed(turn, axis));
         change.at[i][0] = row.x;
         change.at[i][1] = row.y;
         change.at[i][2] = row.z;
@@ -186,8 +187,8 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
     const float scale_x = now.scale_x - then.scale_x, scale_y = now.scale_y - then.scale_y;
     moved += center_x * center_x + center_y * center_y + scale_x * scale_x + scale_y * scale_y;
     const int corner = MOVES && kind == MESH && pose.asset >= 0 ? wp::index(trail.corner_starts, pose.asset) : -1;
-    const bool known = magnitude(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
-    const ToPixels pixels(then, pinhole);
+    const bool known = abs(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
+    const Projection pixels(then, pinhole);
     if (!known) {
         put_unknown(motion, step);
     } else if (!rests || corner >= 0) {
@@ -205,10 +206,10 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
         }
     }
     if (MOVES && corner >= 0) {
-        Vec columns[3];  // of the mesh's frame, in the camera's
+        Vec3 columns[3];  // of the mesh's frame, in the camera's
         for (int j = 0; j < 3; ++j) {
             columns[j] =
-                turned_back(then.rotation, { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
+                transform_transposed(then.rotation, { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
             if (scaled)
                 columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
         }
@@ -217,7 +218,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
                                      pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
                                      pixels.of(i, columns[2].x, columns[2].y, columns[2].z) }, 0.0f);
     }
-    Reach reach = reach_of(kind, then, pinhole);
+    DepthTolerance reach = reach_of(kind, then, pinhole);
     if (kind == PLANE)
         reach.shift = -1.0e30f;
     if (!DEPTHS) {
@@ -225,7 +226,7 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
                 as_float(!brief && rests ? STILL : STILL - 1));
     } else if (brief) {
         const float old_steps = steps_of(kind, old, then, pinhole);
-        const float nearest = product(reach.shift, old_steps) + TO_WHOLE;
+        const float nearest = mul_rn(reach.shift, old_steps) + TO_WHOLE;
         put_row(motion, 3 * step, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
     } else {
         put_row(motion, 3 * step, { reach.part, reach.shift, then.near },
@@ -233,12 +234,12 @@ WARPCAM_FN void compose_motion(const Trail& trail, const ShapePose& old, const S
     }
 }
 
-// The same for a shape whose pose then is `before`, as of so many shapes; its pose now goes to `after`, if not null:
-// `before` itself or another.
+// Composes the motion of a shape whose previous pose is `before`, of so many shapes; stores its present pose in
+// `after`, unless null: `before` itself or another array.
 template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
-WARPCAM_FN void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                  int world, int shape, bool pinhole, bool scaled, bool brief, const Row* before,
-                                  Row* after, Row* motion)
+WARPCAM_DEVICE void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
+                                  int world, int shape, bool pinhole, bool scaled, bool brief, const Float3Int* before,
+                                  Float3Int* after, Float3Int* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
     const ShapePose old = pose_before(before, trail.columns), pose = pose_now(shapes, world, shape);
@@ -252,17 +253,17 @@ WARPCAM_FN void compose_motion_of(const Trail& trail, const Shapes& shapes, cons
 
 // A shape of a world by a thread; `index` counts worlds, then shapes.
 template <class Shapes, class Views, class Mask, class Trail>
-WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail,
+WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail,
                              bool pinhole, bool scaled, bool brief, bool keep, bool moves, int index)
 {
     const int world = index / trail.columns, shape = index - world * trail.columns;
     if (!wp::index(mask, world))
         return;
     const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
-    Row* motion = reinterpret_cast<Row*>(trail.motions.data)
+    Float3Int* motion = reinterpret_cast<Float3Int*>(trail.motions.data)
         + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
-    Row* before = reinterpret_cast<Row*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
-    Row* after = keep ? before : nullptr;
+    Float3Int* before = reinterpret_cast<Float3Int*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
+    Float3Int* after = keep ? before : nullptr;
     if (moves)
         compose_motion_of<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after,
                                       motion);
@@ -271,21 +272,21 @@ WARPCAM_FN void write_motion(const Shapes& shapes, const Views& views, const Mas
                                        motion);
 }
 
-// The same for all shapes of a world, by the threads of a block, into its shared memory; the last threads do it, since
-// the first prepare shapes. KEEP: this block writes the poses.
+// Composes the motions of all shapes of a world, by the threads of a block, into its shared memory; the last threads
+// compose, since the first set shapes up. KEEP: this block writes the poses.
 template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
-WARPCAM_FN void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                int world, bool keep, int thread, Row* motions)
+WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
+                                int world, bool keep, int thread, Float3Int* motions)
 {
     constexpr bool DEPTHS = (WANTED & FLOW_VALID) != 0;
     const bool in_first = wp::index(trail.known, world) == FIRST;
-    const Row* one = reinterpret_cast<const Row*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
-    const Row* other = reinterpret_cast<const Row*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
-    const Row* before = in_first ? one : other;
-    Row* after = const_cast<Row*>(in_first ? other : one);
+    const Float3Int* one = reinterpret_cast<const Float3Int*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Float3Int* other = reinterpret_cast<const Float3Int*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Float3Int* before = in_first ? one : other;
+    Float3Int* after = const_cast<Float3Int*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
         compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE,
-                                         (TYPES >> SCALED & 1) != 0, (WANTED & FLOW_BRIEF) != 0, before + shape,
+                                         (TYPES >> PER_SHAPE_SCALE & 1) != 0, (WANTED & FLOW_BRIEF) != 0, before + shape,
                                          keep ? after + shape : nullptr, motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));

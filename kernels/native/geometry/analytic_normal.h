@@ -7,7 +7,7 @@ namespace warpcam {
 
 // In a box's own frame, where it is the cube of half width 1. On each axis a ray can enter by one side only; the hit is
 // on the nearest of the three.
-WARPCAM_FN Vec box_gradient(Vec at, Vec ray)
+WARPCAM_DEVICE Vec3 box_gradient(Vec3 at, Vec3 ray)
 {
     const float x = ray.x < 0.0f ? -at.x : at.x;  // -1 on the side of entry
     const float y = ray.y < 0.0f ? -at.y : at.y;
@@ -18,29 +18,29 @@ WARPCAM_FN Vec box_gradient(Vec at, Vec ray)
 
 // In a cylinder's own frame, where radius and half length are 1: of the side, or of the cap by which the ray can enter,
 // whichever is nearer to the hit.
-WARPCAM_FN Vec cylinder_gradient(Vec at, Vec ray)
+WARPCAM_DEVICE Vec3 cylinder_gradient(Vec3 at, Vec3 ray)
 {
     const float axial = at.x * at.x + at.y * at.y;
-    const bool cap = magnitude(1.0f + sign(ray.z) * at.z) < 0.5f * magnitude(1.0f - axial);
+    const bool cap = abs(1.0f + sign(ray.z) * at.z) < 0.5f * abs(1.0f - axial);
     return { cap ? 0.0f : at.x, cap ? 0.0f : at.y, cap ? -sign(ray.z) : 0.0f };
 }
 
 // In a cone's own frame, where its tip is at z = 1 and its base of radius 1 at z = -1.
-WARPCAM_FN Vec cone_gradient(Vec at, Vec ray)
+WARPCAM_DEVICE Vec3 cone_gradient(Vec3 at, Vec3 ray)
 {
     const float w = 0.5f * (1.0f - at.z), gap = w * w - at.x * at.x - at.y * at.y;
-    if (ray.z > 0.0f && magnitude(1.0f + at.z) < 0.5f * magnitude(gap))
+    if (ray.z > 0.0f && abs(1.0f + at.z) < 0.5f * abs(gap))
         return { 0.0f, 0.0f, -1.0f };
     return { at.x, at.y, 0.5f * w };
 }
 
 // In a barrel's own frame, where the radius of its ends is 1: see enter_barrel().
-WARPCAM_FN Vec barrel_gradient(Vec at, Vec ray, float half, float arc)
+WARPCAM_DEVICE Vec3 barrel_gradient(Vec3 at, Vec3 ray, float half, float arc)
 {
-    const float axial = root(upper(at.x * at.x + at.y * at.y, TINY)), past = axial - 1.0f;
-    const float end = root(upper(arc * arc - half * half, 0.0f)), rate = (past + end) / axial;
+    const float axial = sqrt(max(at.x * at.x + at.y * at.y, MIN_NORMAL)), past = axial - 1.0f;
+    const float end = sqrt(max(arc * arc - half * half, 0.0f)), rate = (past + end) / axial;
     const float gap = (past * (past + 2.0f * end) + at.z * at.z - half * half) / (2.0f * arc);
-    if (magnitude(half + sign(ray.z) * at.z) < magnitude(gap))
+    if (abs(half + sign(ray.z) * at.z) < abs(gap))
         return { 0.0f, 0.0f, -sign(ray.z) };
     return { rate * at.x, rate * at.y, at.z };
 }
@@ -48,17 +48,17 @@ WARPCAM_FN Vec barrel_gradient(Vec at, Vec ray, float half, float arc)
 // Outwards, in the camera's frame, of any length. The rows take a place to the shape's own frame, so their transpose
 // takes back the gradient of a function of that place.
 template <int TYPES, int LENS>
-WARPCAM_FN Vec gradient(const Record& record, const ViewRay<LENS>& seen, float depth)
+WARPCAM_DEVICE Vec3 gradient(const ShapeRecord& record, const CameraRay<LENS>& seen, float depth)
 {
     const int type = record.axis_x.w;
-    const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
+    const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
     if ((TYPES >> PLANE & 1) && type == PLANE)
-        return to_vec(az);
+        return as_vec3(az);
     const Ray ray = seen.local(record);
-    Vec g = ray.origin + depth * ray.direction;
+    Vec3 g = ray.origin + depth * ray.direction;
     // from the nearest point of its axis; of the other shapes but barrels size.x is 0
     if ((TYPES >> CAPSULE & 1) && (!(TYPES >> BARREL & 1) || type != BARREL))
-        g.z -= between(g.z, -record.size.x, record.size.x);
+        g.z -= clamp(g.z, -record.size.x, record.size.x);
     if ((TYPES >> CYLINDER & 1) && type == CYLINDER)
         g = cylinder_gradient(g, ray.direction);
     if ((TYPES >> CONE & 1) && type == CONE)

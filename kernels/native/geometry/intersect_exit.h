@@ -1,32 +1,36 @@
-// Where a ray comes out of an analytic shape: what is inside of glass lies in the shadow of the side it looks out by.
+// Exit point of a ray from an analytic shape: objects inside glass lie in the shadow of the side that they look out by.
 #pragma once
 #include "geometry/intersect.h"
 
 namespace warpcam {
 
-// FAR_AWAY where the ray misses. Of planes, cones and barrels always.
-template <int TYPE> WARPCAM_FN float leave(const Record& record, Ray ray)
+// MISS where the ray misses. Of planes, cones and barrels always.
+template <int TYPE, class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
-        return FAR_AWAY;
-    const float t = enter<TYPE>(record, { ray.origin, -ray.direction });
-    return t < FAR_AWAY ? -t : FAR_AWAY;
+        return MISS;
+    const auto t = enter<TYPE>(record, o, -d);
+    return t < MISS ? -t : MISS;
+}
+template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
+{
+    return intersect_exit<TYPE>(record, ray.origin, ray.direction);
 }
 
-// The same for a type known only now, out of a set of types known at compile time.
-template <int TYPES> WARPCAM_FN float leave_any(const Record& record, Ray ray)
+// Exit point from a shape whose type is known at run time only, out of a set known at compile time.
+template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE) \
     if ((TYPES >> TYPE & 1) && type == TYPE) \
-        return leave<TYPE>(record, ray);
+        return intersect_exit<TYPE>(record, ray);
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(CAPSULE)
     WARPCAM_TRY(ELLIPSOID)
     WARPCAM_TRY(CYLINDER)
     WARPCAM_TRY(BOX)
 #undef WARPCAM_TRY
-    return FAR_AWAY;
+    return MISS;
 }
 
 }  // namespace warpcam

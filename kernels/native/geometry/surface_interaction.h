@@ -1,26 +1,27 @@
 // The surface at a hit, in the shape's own frame.
 #pragma once
+#include "core/scalar_or_simd.h"
 #include "camera/shape_setup.h"
-#include "core/vec3.h"
 
 namespace warpcam {
 
 // The rows take camera coordinates to the shape's own.
-struct Pose {
-    Row axis_x, axis_y, axis_z;  // w: bits of the centre of projection, x, y, z, in the shape's frame [m]
-    // As in types.py; of a mesh that is not SCALED bits of Meshes.face_start and Meshes.corner_start.
-    // w: shape type + 16 * (asset + 1).
-    Row size;
+struct ShapeFromCamera {
+    Float3Int axis_x, axis_y, axis_z;  // w: bits of the centre of projection, x, y, z, in the shape's frame [m]
+    // Size as in types.py; for a mesh without PER_SHAPE_SCALE, bits of Meshes.face_start and Meshes.corner_start. w:
+    // shape type + 16 * (asset + 1).
+    Float3Int size;
 
-    WARPCAM_FN int type() const { return size.w & 15; }
-    WARPCAM_FN int asset() const { return (size.w >> 4) - 1; }
-    WARPCAM_FN Vec eye() const { return { as_float(axis_x.w), as_float(axis_y.w), as_float(axis_z.w) }; }
-    WARPCAM_FN Vec local(Vec v) const  // of a direction in the camera's frame
+    WARPCAM_DEVICE int type() const { return size.w & 15; }
+    WARPCAM_DEVICE int asset() const { return (size.w >> 4) - 1; }
+    WARPCAM_DEVICE Vec3 eye() const { return { as_float(axis_x.w), as_float(axis_y.w), as_float(axis_z.w) }; }
+    template <class Vector = Vec3> WARPCAM_DEVICE Vector local(Vector v) const  // of a direction in the camera's frame
     {
         return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
                  axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
     }
-    WARPCAM_FN Vec seen(Vec v) const  // a direction of the shape's in the camera's frame
+    template <class Vector = Vec3>
+    WARPCAM_DEVICE Vector seen(Vector v) const  // a direction of the shape's in the camera's frame
     {
         return { axis_x.x * v.x + axis_y.x * v.y + axis_z.x * v.z, axis_x.y * v.x + axis_y.y * v.y + axis_z.y * v.z,
                  axis_x.z * v.x + axis_y.z * v.y + axis_z.z * v.z };
@@ -32,124 +33,149 @@ struct Pose {
 enum SurfacePart { SIDE, TOP, BOTTOM };
 
 // A face of a mesh or a height field: its first corner, and from there to the others.
-struct Triangle {
-    Vec origin, edge1, edge2;
+template <class Vector> struct TriangleOf {
+    Vector origin, edge1, edge2;
 };
 
-struct Surface {
-    Vec local;               // the hit [m]
-    Vec normal;              // unit, outwards, of the geometry itself: a mesh's flat face
-    int part;                // SIDE, TOP, BOTTOM; of a box the axis
-    int corner;              // mesh: first corner of the face in Meshes.normals and Meshes.uvs
-    bool flat;               // mesh: `normal` is that of its corners, too, and Meshes.normals is not to be read
-    Triangle triangle;       // mesh, height field
-    float weight1, weight2;  // barycentric weights of the triangle's second and third corner
+template <class Vector> struct SurfaceInteractionOf {
+    Vector local;                       // the hit [m]
+    Vector normal;                      // unit, outwards, of the geometry itself: a mesh's flat face
+    IntOf<Vector> part;                 // SIDE, TOP, BOTTOM; of a box the axis
+    IntOf<Vector> corner;               // mesh: first corner of the face in Meshes.normals and Meshes.uvs
+    MaskOf<Vector> flat;  // mesh: `normal` is that of its corners, too, and Meshes.normals is not to be read
+    TriangleOf<Vector> triangle;        // mesh, height field
+    NumberOf<Vector> weight1, weight2;  // barycentric weights of the triangle's second and third corner
 };
+
+using Triangle = TriangleOf<Vec3>;
+using SurfaceInteraction = SurfaceInteractionOf<Vec3>;
 
 // On each axis a ray can enter by one side only; the hit is on the nearest of the three.
-WARPCAM_FN void box_surface(Vec half, Vec ray, Surface& surface)
+template <class Vector> WARPCAM_DEVICE void box_surface(Vec3 half, Vector ray, SurfaceInteractionOf<Vector>& surface)
 {
-    const float x = magnitude(half.x + sign(ray.x) * surface.local.x);
-    const float y = magnitude(half.y + sign(ray.y) * surface.local.y);
-    const float z = magnitude(half.z + sign(ray.z) * surface.local.z);
-    const int axis = y < x ? (z < y ? 2 : 1) : (z < x ? 2 : 0);
+    using Int = IntOf<Vector>;
+    const auto x = abs(half.x + sign(ray.x) * surface.local.x);
+    const auto y = abs(half.y + sign(ray.y) * surface.local.y);
+    const auto z = abs(half.z + sign(ray.z) * surface.local.z);
+    const Int axis = y < x ? (z < y ? (Int)2 : (Int)1) : (z < x ? (Int)2 : (Int)0);
     surface.part = axis;
     surface.normal = axis_vector(axis, -sign(component(ray, axis)));
 }
 
 // The side, or the cap by which the ray can enter, whichever is nearer to the hit.
-WARPCAM_FN void cylinder_surface(float radius, float half_length, Vec ray, Surface& surface)
+template <class Vector>
+WARPCAM_DEVICE void cylinder_surface(float radius, float half_length, Vector ray, SurfaceInteractionOf<Vector>& surface)
 {
-    const Vec p = surface.local;
-    const float axial = root(p.x * p.x + p.y * p.y);
-    surface.part = SIDE;
-    surface.normal = normalized({ p.x, p.y, 0.0f });
-    if (magnitude(half_length + sign(ray.z) * p.z) < magnitude(radius - axial)) {
-        surface.part = ray.z < 0.0f ? TOP : BOTTOM;
-        surface.normal = { 0.0f, 0.0f, -sign(ray.z) };
-    }
+    using Number = NumberOf<Vector>;
+    using Int = IntOf<Vector>;
+    const Vector p = surface.local;
+    const Number none = 0.0f, axial = sqrt(p.x * p.x + p.y * p.y);
+    const auto on_cap = abs(half_length + sign(ray.z) * p.z) < abs(radius - axial);
+    surface.part = on_cap ? (ray.z < 0.0f ? (Int)TOP : (Int)BOTTOM) : (Int)SIDE;
+    surface.normal = select(on_cap, Vector { none, none, -sign(ray.z) }, normalized(Vector { p.x, p.y, none }));
 }
 
 // The normal points away from the nearest point of the axis.
-WARPCAM_FN void capsule_surface(float half_length, Surface& surface)
+template <class Vector>
+WARPCAM_DEVICE void capsule_surface(NumberOf<Vector> half_length, SurfaceInteractionOf<Vector>& surface)
 {
-    const Vec p = surface.local;
-    surface.part = p.z > half_length ? TOP : p.z < -half_length ? BOTTOM : SIDE;
-    surface.normal = normalized({ p.x, p.y, p.z - between(p.z, -half_length, half_length) });
+    using Int = IntOf<Vector>;
+    const Vector p = surface.local;
+    surface.part = p.z > half_length ? (Int)TOP : p.z < -half_length ? (Int)BOTTOM : (Int)SIDE;
+    surface.normal = normalized(Vector { p.x, p.y, p.z - clamp(p.z, -half_length, half_length) });
 }
 
 // The normal is the gradient of the sum of (x / half)^2.
-WARPCAM_FN void ellipsoid_surface(Vec half, Surface& surface)
+WARPCAM_DEVICE void ellipsoid_surface(Vec3 half, SurfaceInteraction& surface)
 {
-    const Vec rate { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
-    surface.normal = normalized(times(times(surface.local, rate), rate));
+    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) };
+    surface.normal = normalized(mul(mul(surface.local, rate), rate));
 }
 
-WARPCAM_FN void cone_surface(float radius, float half_length, Vec ray, Surface& surface)
+WARPCAM_DEVICE void cone_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surface)
 {
-    const Vec p = surface.local;
-    const float axial = root(p.x * p.x + p.y * p.y), length = 2.0f * half_length, rate = reciprocal(upper(axial, TINY));
+    const float radius = size.x, half_length = size.y;
+    const Vec3 p = surface.local;
+    const float axial = sqrt(p.x * p.x + p.y * p.y), length = 2.0f * half_length, rate = rcp(max(axial, MIN_NORMAL));
     surface.part = SIDE;
-    surface.normal = normalized({ length * rate * p.x, length * rate * p.y, radius });
+    surface.normal = normalized(Vec3 { length * rate * p.x, length * rate * p.y, radius });
     // how far the hit is from the base, and from the side along the radius
-    const float gap = magnitude(radius * (half_length - p.z) - length * axial) * reciprocal(length);
-    if (ray.z > 0.0f && magnitude(p.z + half_length) < gap) {
+    const float gap = abs(radius * (half_length - p.z) - length * axial) * rcp(length);
+    if (ray.z > 0.0f && abs(p.z + half_length) < gap) {
         surface.part = BOTTOM;
         surface.normal = { 0.0f, 0.0f, -1.0f };
     }
 }
 
-// As a cylinder, but for the normals of its side, which point away from the middle of the arc.
-WARPCAM_FN void barrel_surface(Vec size, Vec ray, Surface& surface)
+// Surface of a barrel: a cylinder's, except that normals of the side point away from the middle of the arc.
+WARPCAM_DEVICE void barrel_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surface)
 {
-    const Vec p = surface.local;
-    const float axial = root(p.x * p.x + p.y * p.y), arc = size.z > 0.0f ? upper(size.z, size.y) : STRAIGHT;
-    const float end = root(upper(arc * arc - size.y * size.y, 0.0f)), past = axial - size.x;
-    const float rate = (past + end) * reciprocal(upper(axial, TINY));
+    const Vec3 p = surface.local;
+    const float axial = sqrt(p.x * p.x + p.y * p.y), arc = size.z > 0.0f ? max(size.z, size.y) : STRAIGHT;
+    const float end = sqrt(max(arc * arc - size.y * size.y, 0.0f)), past = axial - size.x;
+    const float rate = (past + end) * rcp(max(axial, MIN_NORMAL));
     surface.part = SIDE;
-    surface.normal = normalized({ rate * p.x, rate * p.y, p.z });
-    const float gap = (past * (past + 2.0f * end) + p.z * p.z - size.y * size.y) * reciprocal(2.0f * arc);
-    if (magnitude(size.y + sign(ray.z) * p.z) < magnitude(gap)) {
+    surface.normal = normalized(Vec3 { rate * p.x, rate * p.y, p.z });
+    const float gap = (past * (past + 2.0f * end) + p.z * p.z - size.y * size.y) * rcp(2.0f * arc);
+    if (abs(size.y + sign(ray.z) * p.z) < abs(gap)) {
         surface.part = ray.z < 0.0f ? TOP : BOTTOM;
         surface.normal = { 0.0f, 0.0f, -sign(ray.z) };
     }
 }
 
+// The normal of a height field's sides and base. `size` is HeightFields.size.
+template <class Size, class Vector> WARPCAM_DEVICE Vector height_field_side(const Size& size, Vector p)
+{
+    using Number = NumberOf<Vector>;
+    const Number gap_x = abs(size[0] - abs(p.x)), gap_y = abs(size[1] - abs(p.y));
+    const Number gap_z = abs(p.z + size[3]), none = 0.0f, down = -1.0f;
+    const Vector beside = select(gap_x < gap_y, Vector { sign(p.x), none, none }, Vector { none, sign(p.y), none });
+    return select((gap_z < gap_x) & (gap_z < gap_y), Vector { none, none, down }, beside);
+}
+
 // One cell of a height field has two triangles: 0 lies below its diagonal from (row, column) to (row + 1, column + 1),
-// 1 above.
+// 1 above. `height` is that of the first corner, `diagonal` and `side` are how far the opposite and the third lie above
+// it.
+template <class Size, class Vector>
+WARPCAM_DEVICE void height_field_top(const Size& size, int rows, int columns, NumberOf<Vector> row,
+                                     NumberOf<Vector> column, MaskOf<Vector> high, NumberOf<Vector> height,
+                                     NumberOf<Vector> diagonal, NumberOf<Vector> side,
+                                     SurfaceInteractionOf<Vector>& surface)
+{
+    using Number = NumberOf<Vector>;
+    const Number none = 0.0f, one = 1.0f;
+    const float rate_x = float(columns - 1) * rcp(2.0f * size[0]),
+                rate_y = float(rows - 1) * rcp(2.0f * size[1]);
+    const Number step_x = rcp(rate_x), step_y = rcp(rate_y);
+    const Vector origin { column * step_x - size[0], row * step_y - size[1], height };
+    const Number a = (surface.local.x - origin.x) * rate_x, b = (surface.local.y - origin.y) * rate_y;
+    surface.triangle = { origin, { high ? none : step_x, high ? step_y : none, side }, { step_x, step_y, diagonal } };
+    surface.weight1 = high ? b - a : a - b;
+    surface.weight2 = high ? a : b;
+    const Number rise_x = high ? diagonal - side : side, rise_y = high ? side : diagonal - side;
+    surface.normal = normalized(Vector { -rise_x * rate_x, -rise_y * rate_y, one });
+}
+
 template <class HeightFields>
-WARPCAM_FN void height_field_surface(const HeightFields& fields, int field, int face, Surface& surface)
+WARPCAM_DEVICE void height_field_surface(const HeightFields& fields, int field, int face, SurfaceInteraction& surface)
 {
     const int rows = wp::index(fields.rows, field), columns = wp::index(fields.columns, field);
     const auto size = wp::index(fields.size, field);
-    const Vec p = surface.local;
     if (face < 0 || face >= 2 * (rows - 1) * (columns - 1)) {
-        const float gap_x = magnitude(size[0] - magnitude(p.x)), gap_y = magnitude(size[1] - magnitude(p.y));
-        const float gap_z = magnitude(p.z + size[3]);
-        surface.normal = gap_x < gap_y ? Vec { sign(p.x), 0.0f, 0.0f } : Vec { 0.0f, sign(p.y), 0.0f };
-        if (gap_z < gap_x && gap_z < gap_y)
-            surface.normal = { 0.0f, 0.0f, -1.0f };
+        surface.normal = height_field_side(size, surface.local);
         return;
     }
     const unsigned cell = unsigned(face) >> 1, row = cell / unsigned(columns - 1), column = cell - row * (columns - 1);
     const bool high = face & 1;
-    const float rate_x = float(columns - 1) * reciprocal(2.0f * size[0]), step_x = reciprocal(rate_x);
-    const float rate_y = float(rows - 1) * reciprocal(2.0f * size[1]), step_y = reciprocal(rate_y);
     const int first = wp::index(fields.height_start, field) + int(row) * columns + int(column);
     const float* heights = fields.heights.data + first;
     const float height = heights[0], diagonal = heights[columns + 1] - height;
     const float side = heights[high ? columns : 1] - height;
-    const Vec origin { float(int(column)) * step_x - size[0], float(int(row)) * step_y - size[1], height };
-    const float a = (p.x - origin.x) * rate_x, b = (p.y - origin.y) * rate_y;
     surface.part = TOP;
-    surface.triangle = { origin, { high ? 0.0f : step_x, high ? step_y : 0.0f, side }, { step_x, step_y, diagonal } };
-    surface.weight1 = high ? b - a : a - b;
-    surface.weight2 = high ? a : b;
-    const float rise_x = high ? diagonal - side : side, rise_y = high ? side : diagonal - side;
-    surface.normal = normalized({ -rise_x * rate_x, -rise_y * rate_y, 1.0f });
+    height_field_top(size, rows, columns, float(int(row)), float(int(column)), high, height, diagonal, side, surface);
 }
 
-template <class Meshes> WARPCAM_FN Row face_row(const Meshes& meshes, int row)
+template <class Meshes> WARPCAM_DEVICE Float3Int face_row(const Meshes& meshes, int row)
 {
 #if defined(__CUDA_ARCH__)
     const float4 r = __ldg(reinterpret_cast<const float4*>(meshes.faces.data) + row);
@@ -162,10 +188,11 @@ template <class Meshes> WARPCAM_FN Row face_row(const Meshes& meshes, int row)
 
 // The face that stands in a row, as the mesh's or, seen from behind, as its back, whose corners go the other way round.
 template <int TYPES, class Meshes>
-WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, Vec ray, int& given, bool& flat)
+WARPCAM_DEVICE Triangle load_triangle(const Meshes& meshes, int row, Vec3 ray, int& given, bool& flat)
 {
-    const Row first = face_row(meshes, row), second = face_row(meshes, row + 1), third = face_row(meshes, row + 2);
-    const Vec origin = to_vec(first), edge1 = to_vec(second) - origin, edge2 = to_vec(third) - origin;
+    const Float3Int first = face_row(meshes, row), second = face_row(meshes, row + 1),
+                    third = face_row(meshes, row + 2);
+    const Vec3 origin = as_vec3(first), edge1 = as_vec3(second) - origin, edge2 = as_vec3(third) - origin;
     given = first.w;
     flat = is_flat<TYPES>(second.w, third.w);
     if (has_back<TYPES>(second.w) && dot(cross(edge1, edge2), ray) > 0.0f) {
@@ -175,84 +202,124 @@ WARPCAM_FN Triangle load_triangle(const Meshes& meshes, int row, Vec ray, int& g
     return { origin, edge1, edge2 };
 }
 
-// `face` counts the mesh's faces in leaf order; `ray` is in the mesh's own coordinates.
-template <int TYPES, class Meshes>
-WARPCAM_FN void mesh_surface(const Meshes& meshes, const Pose& pose, int face, Vec ray, Surface& surface)
+// The flat normal and the barycentric weights of a hit on its triangle.
+template <class Vector> WARPCAM_DEVICE void triangle_surface(SurfaceInteractionOf<Vector>& surface)
 {
-    constexpr bool STRETCHED = TYPES >> SCALED & 1;
-    const int faces = STRETCHED ? wp::index(meshes.face_start, pose.asset()) : as_int(pose.size.x);
-    const int corners = STRETCHED ? wp::index(meshes.corner_start, pose.asset()) : as_int(pose.size.y);
-    int given;
-    const Triangle triangle = load_triangle<TYPES>(meshes, faces + 3 * face, ray, given, surface.flat);
-    const Vec normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
-    const float rate = reciprocal(upper(dot(normal, normal), TINY));
-    surface.corner = 3 * (corners + given);
-    surface.triangle = triangle;
+    using Number = NumberOf<Vector>;
+    const TriangleOf<Vector>& triangle = surface.triangle;
+    const Vector normal = cross(triangle.edge1, triangle.edge2), place = surface.local - triangle.origin;
+    const Number rate = rcp(max(dot(normal, normal), MIN_NORMAL)), none = 0.0f, one = 1.0f;
     surface.normal = normalized(normal);
-    surface.weight1 = between(dot(cross(place, triangle.edge2), normal) * rate, 0.0f, 1.0f);
-    surface.weight2 = between(dot(cross(triangle.edge1, place), normal) * rate, 0.0f, 1.0f - surface.weight1);
+    surface.weight1 = clamp(dot(cross(place, triangle.edge2), normal) * rate, none, one);
+    surface.weight2 = clamp(dot(cross(triangle.edge1, place), normal) * rate, none, one - surface.weight1);
 }
 
-WARPCAM_FN Vec divided(Vec a, Vec b) { return { a.x / b.x, a.y / b.y, a.z / b.z }; }
+// Rows of Meshes.faces and corners that a mesh begins at.
+struct MeshStart {
+    int faces, corners;
+};
 
-// `local` is the hit and `ray` the direction it was seen along, of any length, in the shape's frame; `face` is what the
-// trace found there.
-template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_FN Surface surface_at(const Pose& pose, const Meshes& meshes, const HeightFields& fields, int face, Vec local,
-                              Vec ray)
+template <int TYPES, class Meshes>
+WARPCAM_DEVICE MeshStart mesh_start(const Meshes& meshes, const ShapeFromCamera& pose)
+{
+    if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
+        return { wp::index(meshes.face_start, pose.asset()), wp::index(meshes.corner_start, pose.asset()) };
+    return { as_int(pose.size.x), as_int(pose.size.y) };
+}
+
+// `face` counts the mesh's faces in leaf order; `ray` is in the mesh's own coordinates.
+template <int TYPES, class Meshes> WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
+                                                                    int face, Vec3 ray, SurfaceInteraction& surface)
+{
+    const MeshStart start = mesh_start<TYPES>(meshes, pose);
+    int given;
+    surface.triangle = load_triangle<TYPES>(meshes, start.faces + 3 * face, ray, given, surface.flat);
+    surface.corner = 3 * (start.corners + given);
+    triangle_surface(surface);
+}
+
+// `surface` comes in with the hit as its `local`; `ray` is the direction that it was seen along, of any length, in the
+// shape's frame; `face` is what the trace found there.
+template <int TYPES, class Meshes, class HeightFields, class Face, class Vector>
+WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields,
+                                 const Face& face, Vector ray, SurfaceInteractionOf<Vector>& surface)
 {
     const int type = pose.type();
-    const Vec size = to_vec(pose.size);
-    Surface surface {};
-    surface.local = local;
-    surface.normal = { 0.0f, 0.0f, 1.0f };
+    const Vec3 size = as_vec3(pose.size);
+    const Vector local = surface.local, sizes = broadcast<Vector>(size);
+    surface.normal = broadcast<Vector>({ 0.0f, 0.0f, 1.0f });
+    surface.part = 0;
     if ((TYPES >> SPHERE & 1) && type == SPHERE)
         surface.normal = normalized(local);
     if ((TYPES >> CAPSULE & 1) && type == CAPSULE)
-        capsule_surface(size.y, surface);
+        capsule_surface<Vector>(size.y, surface);
     if ((TYPES >> ELLIPSOID & 1) && type == ELLIPSOID)
         ellipsoid_surface(size, surface);
     if ((TYPES >> CYLINDER & 1) && type == CYLINDER)
         cylinder_surface(size.x, size.y, ray, surface);
     if ((TYPES >> BOX & 1) && type == BOX)
         box_surface(size, ray, surface);
-    if ((TYPES >> CONE & 1) && type == CONE)
-        cone_surface(size.x, size.y, ray, surface);
-    if ((TYPES >> BARREL & 1) && type == BARREL)
-        barrel_surface(size, ray, surface);
-    const bool stretched = (TYPES >> SCALED & 1) && (type == MESH || type == HEIGHT_FIELD);
+    if constexpr ((TYPES >> CONE & 1) != 0)
+        if (type == CONE)
+            cone_surface(size, ray, surface);
+    if constexpr ((TYPES >> BARREL & 1) != 0)
+        if (type == BARREL)
+            barrel_surface(size, ray, surface);
+    const bool stretched = (TYPES >> PER_SHAPE_SCALE & 1) && (type == MESH || type == HEIGHT_FIELD);
     if (stretched)
-        surface.local = divided(local, size);
-    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
-        height_field_surface(fields, pose.asset(), face, surface);
-    if ((TYPES >> MESH & 1) && type == MESH)
-        mesh_surface<TYPES>(meshes, pose, face, stretched ? divided(ray, size) : ray, surface);
+        surface.local = div(local, sizes);
+    if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
+        if (type == HEIGHT_FIELD)
+            height_field_surface(fields, pose.asset(), face, surface);
+    if constexpr ((TYPES >> MESH & 1) != 0)
+        if (type == MESH)
+            mesh_surface<TYPES>(meshes, pose, face, stretched ? div(ray, sizes) : ray, surface);
     if (stretched) {
-        Triangle& triangle = surface.triangle;
+        TriangleOf<Vector>& triangle = surface.triangle;
         surface.local = local;
-        surface.normal = normalized(divided(surface.normal, size));
-        triangle = { times(triangle.origin, size), times(triangle.edge1, size), times(triangle.edge2, size) };
+        surface.normal = normalized(div(surface.normal, sizes));
+        triangle = { mul(triangle.origin, sizes), mul(triangle.edge1, sizes), mul(triangle.edge2, sizes) };
     }
+}
+
+template <int TYPES, class Meshes, class HeightFields>
+WARPCAM_DEVICE SurfaceInteraction surface_at(const ShapeFromCamera& pose, const Meshes& meshes,
+                                             const HeightFields& fields, int face, Vec3 local, Vec3 ray)
+{
+    SurfaceInteraction surface {};
+    surface.local = local;
+    find_surface<TYPES>(pose, meshes, fields, face, ray, surface);
     return surface;
+}
+
+// The normal at corner `i` of the triangle.
+template <class Meshes>
+WARPCAM_DEVICE Vec3 vertex_normal(const Meshes& meshes, const SurfaceInteraction& surface, int i)
+{
+    return as_vec3(wp::index(meshes.normals, surface.corner + i));
 }
 
 // The unit normal of a smooth surface, in the shape's frame. LIT_NORMALS: scaled after it is interpolated, as Newton's
 // camera does.
-template <int TYPES, class Meshes>
-WARPCAM_FN Vec smooth_normal(const Pose& pose, const Meshes& meshes, const Surface& surface)
+template <int TYPES, class Meshes, class Vector>
+WARPCAM_DEVICE Vector smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes,
+                                    const SurfaceInteractionOf<Vector>& surface)
 {
-    if ((TYPES >> MESH & 1) && pose.type() == MESH && !surface.flat) {
-        const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
-        Vec sum { 0.0f, 0.0f, 0.0f };
-        for (int k = 0; k < 3; ++k) {
-            Vec normal = to_vec(wp::index(meshes.normals, surface.corner + k));
-            if ((TYPES >> SCALED & 1) && !(TYPES >> LIT_NORMALS & 1))
-                normal = normalized(divided(normal, to_vec(pose.size)));
-            sum = sum + weights[k] * normal;
+    if constexpr ((TYPES >> MESH & 1) != 0) {
+        if (pose.type() == MESH && any(!surface.flat)) {
+            using Number = NumberOf<Vector>;
+            constexpr bool STRETCHED = TYPES >> PER_SHAPE_SCALE & 1, LATE = TYPES >> LIT_NORMALS & 1;
+            const Vector size = broadcast<Vector>(as_vec3(pose.size));
+            const Number weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
+            Vector sum = broadcast<Vector>({ 0.0f, 0.0f, 0.0f });
+            for (int i = 0; i < 3; ++i) {
+                const Vector normal = vertex_normal(meshes, surface, i);
+                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(div(normal, size)) : normal);
+            }
+            if (STRETCHED && LATE)
+                sum = div(sum, size);
+            return select(surface.flat | !(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
         }
-        if ((TYPES >> SCALED & 1) && (TYPES >> LIT_NORMALS & 1))
-            sum = divided(sum, to_vec(pose.size));
-        return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
     }
     return surface.normal;
 }

@@ -1,7 +1,7 @@
-// How far the shadows of a light reach. MuJoCo's renderer draws what the light sees into a map: what lies outside of it
-// is lit, and what is nearer to the light than its near plane casts no shadow.
+// Extent of a light's shadows. MuJoCo's renderer draws the light's view into a map: points outside of it are lit, and
+// objects nearer to the light than its near plane cast no shadow.
 #pragma once
-#include "core/vec3.h"
+#include "core/scalar_or_simd.h"
 
 namespace warpcam {
 
@@ -13,37 +13,40 @@ struct MapSize {
 
 // The map of one light, in axes of one's choice and from a place of one's choice.
 struct ShadowMap {
-    Vec right, up;  // over half the map's width
-    Vec along;
-    Vec from;  // the light's position
+    Vec3 right, up;  // over half the map's width
+    Vec3 along;
+    Vec3 from;  // the light's position
     float near;
     float nearest;  // a single face nearer to a point casts no shadow on it, in the units of ray_to()
     bool bounded;  // else the rest means nothing
 };
 
 // `along`: unit, the way the light shines; `up`: what is across it and the world's x axis, of any length.
-WARPCAM_FN ShadowMap shadow_map(Vec from, Vec along, Vec up, const MapSize& size)
+WARPCAM_DEVICE ShadowMap shadow_map(Vec3 from, Vec3 along, Vec3 up, const MapSize& size)
 {
-    const float rate = reciprocal(root(upper(dot(up, up), 1.0e-30f)) * upper(size.width, 1.0e-30f));
+    const float rate = rcp(sqrt(max(dot(up, up), 1.0e-30f)) * max(size.width, 1.0e-30f));
     return { rate * cross(along, up), rate * up, along, from, size.near, size.width * size.gap, size.width > 0.0f };
 }
 
 // `cutoff` [degrees]: of a spot.
-template <class Lights> WARPCAM_FN MapSize map_size(const Lights& lights, bool distant, float cutoff)
+template <class Lights> WARPCAM_DEVICE MapSize map_size(const Lights& lights, bool distant, float cutoff)
 {
-    const float half = 0.017453292519943295f * lower(lights.shadow_scale * cutoff, 80.0f);
+    const float half = 0.017453292519943295f * min(lights.shadow_scale * cutoff, 80.0f);
     const bool flat = distant || !(lights.shadow_width > 0.0f);
-    return { flat ? lights.shadow_width : sine(half) * reciprocal(cosine(half)), lights.shadow_near,
+    return { flat ? lights.shadow_width : sin(half) * rcp(cos(half)), lights.shadow_near,
              lights.shadow_gap };
 }
 
-// Whether a bounded map has a place, which lies so far `along` it.
-WARPCAM_FN bool has_place(const ShadowMap& map, bool distant, Vec place, float& along)
+// True if a bounded map covers a point at distance `along` its axis.
+template <class Vector>
+WARPCAM_DEVICE MaskOf<Vector> has_place(const ShadowMap& map, bool distant, Vector place, NumberOf<Vector>& along)
 {
-    const Vec offset = place - map.from;
-    along = dot(map.along, offset);
-    const float side = upper(magnitude(dot(map.right, offset)), magnitude(dot(map.up, offset)));
-    return along > map.near && !(side > (distant ? 1.0f : along));
+    using Number = NumberOf<Vector>;
+    const Vector offset = place - broadcast<Vector>(map.from);
+    along = dot(broadcast<Vector>(map.along), offset);
+    const Number side = max(abs(dot(broadcast<Vector>(map.right), offset)),
+                              abs(dot(broadcast<Vector>(map.up), offset)));
+    return (along > map.near) & !(side > (distant ? (Number)1.0f : along));
 }
 
 }  // namespace warpcam

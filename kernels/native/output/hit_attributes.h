@@ -1,4 +1,4 @@
-// What follows from a hit alone, without its surface: distance, point, body, labels.
+// Outputs that follow from a hit alone, without its surface: distance, point, body, labels.
 #pragma once
 #include "accel/bvh4.h"
 #include "output/pixel_store.h"
@@ -6,16 +6,16 @@
 namespace warpcam {
 
 // A face as it is stored. Of 16 bits the last number is none: -1, what is no face of a height field.
-template <int TYPES, class Face> WARPCAM_FN int stored_face(Face face)
+template <int TYPES, class Face> WARPCAM_DEVICE int stored_face(Face face)
 {
     return (TYPES >> HEIGHT_FIELD & 1) && sizeof(Face) == 2 && face == static_cast<Face>(-1) ? -1 : int(face);
 }
 
 // Up to where a pass looks for what is seen, after one that has found something so far away: of shapes at one place the
 // later is seen, as within a pass.
-WARPCAM_FN float just_beyond(float depth) { return as_float(as_int(depth) + 1); }
+WARPCAM_DEVICE float next_float(float depth) { return as_float(as_int(depth) + 1); }
 
-WARPCAM_FN Vec turned(const Matrix& m, Vec v)
+template <class Vector = Vec3> WARPCAM_DEVICE Vector transform(const Mat3& m, Vector v)
 {
     return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
              m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,
@@ -23,54 +23,54 @@ WARPCAM_FN Vec turned(const Matrix& m, Vec v)
 }
 
 // With a table, whose depth is the distance, the planar depth: the other of the two.
-template <int LENS> WARPCAM_FN float distance_of(const Hit& hit, const ViewRay<LENS>& seen)
+template <int LENS> WARPCAM_DEVICE float distance_of(const Hit& hit, const CameraRay<LENS>& seen)
 {
     if constexpr (LENS == RAYS)
         return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
-    if constexpr (LENS == SPREAD) {
-        const Beam beam = seen.beam();
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+        const OffsetRay beam = seen.beam();
         return hit.shape >= 0 ? -(beam.start.z + hit.depth * beam.direction.z) : infinity();
     }
     if (LENS != PINHOLE)
         return hit.shape >= 0 ? hit.depth : infinity();
 #if defined(                                                                                                           \
     __CUDA_ARCH__)  // the compiler would choose, at each place where a pixel is written, which square is rounded
-    const float across = muladd(seen.x, seen.x, product(seen.y, seen.y));
+    const float across = fma(seen.x, seen.x, mul_rn(seen.y, seen.y));
 #else
     const float across = seen.x * seen.x + seen.y * seen.y;
 #endif
-    return hit.shape >= 0 ? hit.depth * root(across + 1.0f) : infinity();
+    return hit.shape >= 0 ? hit.depth * sqrt(across + 1.0f) : infinity();
 }
 
-template <int LENS> WARPCAM_FN Vec point_of(const Hit& hit, const Camera& camera, const ViewRay<LENS>& seen)
+template <int LENS> WARPCAM_DEVICE Vec3 point_of(const Hit& hit, const Camera& camera, const CameraRay<LENS>& seen)
 {
     if (hit.shape < 0)
         return { infinity(), infinity(), infinity() };
     if constexpr (LENS == RAYS)
-        return camera.origin + turned(camera.rotation, hit.depth * seen.direction());
-    if constexpr (LENS == SPREAD) {
-        const Beam beam = seen.beam();
-        return camera.origin + turned(camera.rotation, beam.start + hit.depth * beam.direction);
+        return camera.origin + transform(camera.rotation, hit.depth * seen.direction());
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+        const OffsetRay beam = seen.beam();
+        return camera.origin + transform(camera.rotation, beam.start + hit.depth * beam.direction);
     }
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
-    return camera.origin + turned(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
+    return camera.origin + transform(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }
 
 // With BY_WORLD ids differ from world to world: types.py, Shapes.
-template <bool BY_WORLD, class Shapes> WARPCAM_FN int body_of(const Shapes& shapes, int world, int shape)
+template <bool BY_WORLD, class Shapes> WARPCAM_DEVICE int body_of(const Shapes& shapes, int world, int shape)
 {
     if (BY_WORLD)
         return shape >= 0 ? wp::index(shapes.body_ids, world, shape) : -1;
     return shape >= 0 ? wp::index(shapes.bodies, shape) : -1;
 }
 
-template <class Shapes> WARPCAM_FN int id_of(const Shapes& shapes, int world, int shape)
+template <class Shapes> WARPCAM_DEVICE int id_of(const Shapes& shapes, int world, int shape)
 {
     return shape >= 0 ? wp::index(shapes.ids, world, shape) : -1;
 }
 
-// Of a table of labels, (world or 1, shape); `none` where nothing is hit.
-template <class Table> WARPCAM_FN int label_of(const Table& table, int world, int shape, int none)
+// Label of a shape from a table, (world or 1, shape); `none` where nothing is hit.
+template <class Table> WARPCAM_DEVICE int label_of(const Table& table, int world, int shape, int none)
 {
     return shape >= 0 ? wp::index(table, table.shape[0] > 1 ? world : 0, shape) : none;
 }

@@ -7,23 +7,23 @@ namespace warpcam {
 
 constexpr int RUN = 4;
 
-// What a thread takes of a world's row.
+// Run of pixels of a world's row that one thread packs.
 struct Run {
     int world, first, count;
 };
 
-WARPCAM_FN Run run_of(int index, int row)
+WARPCAM_DEVICE Run run_of(int index, int row)
 {
     const int runs = (row + RUN - 1) / RUN, world = index / runs, first = RUN * (index - world * runs);
     return { world, first, row - first < RUN ? row - first : RUN };
 }
 
-template <int BYTES, class Value> WARPCAM_FN bool lies_at(const Value* place) { return size_t(place) % BYTES == 0; }
+template <int BYTES, class Value> WARPCAM_DEVICE bool lies_at(const Value* place) { return size_t(place) % BYTES == 0; }
 
-template <class Value> WARPCAM_FN void load_run(const Value* from, int count, Value (&values)[RUN])
+template <class Value> WARPCAM_DEVICE void load_run(const Value* from, int count, Value (&values)[RUN])
 {
     if (count == RUN && lies_at<RUN * sizeof(Value)>(from)) {
-        const Several<Value, RUN> loaded = several<RUN>(from);
+        const AlignedArray<Value, RUN> loaded = load_vector<RUN>(from);
         for (int k = 0; k < RUN; ++k)
             values[k] = loaded.at[k];
     } else {
@@ -32,13 +32,13 @@ template <class Value> WARPCAM_FN void load_run(const Value* from, int count, Va
     }
 }
 
-template <class Value> WARPCAM_FN void store_run(Value* to, int count, const Value (&values)[RUN])
+template <class Value> WARPCAM_DEVICE void store_run(Value* to, int count, const Value (&values)[RUN])
 {
     if (count == RUN && lies_at<RUN * sizeof(Value)>(to)) {
-        Several<Value, RUN> stored;
+        AlignedArray<Value, RUN> stored;
         for (int k = 0; k < RUN; ++k)
             stored.at[k] = values[k];
-        *reinterpret_cast<Several<Value, RUN>*>(to) = stored;
+        *reinterpret_cast<AlignedArray<Value, RUN>*>(to) = stored;
     } else {
         for (int k = 0; k < RUN; ++k)
             if (k < count)
@@ -48,7 +48,7 @@ template <class Value> WARPCAM_FN void store_run(Value* to, int count, const Val
 
 // Writes map(number) for each number of a row, (world, number), from column `offset` on.
 template <class Value, class Result, class Image_, class Out, class Map>
-WARPCAM_FN void map_run(const Image_& image, int offset, const Out& out, int index, const Map& map)
+WARPCAM_DEVICE void map_run(const Image_& image, int offset, const Out& out, int index, const Map& map)
 {
     const Run run = run_of(index, image.shape[1]);
     Value values[RUN];
@@ -59,26 +59,26 @@ WARPCAM_FN void map_run(const Image_& image, int offset, const Out& out, int ind
     store_run<Result>(wp::address(out, run.world, offset + run.first), run.count, results);
 }
 
-template <class Image_, class Out> WARPCAM_FN void copy_run(const Image_& image, int offset, const Out& out, int index)
+template <class Image_, class Out> WARPCAM_DEVICE void copy_run(const Image_& image, int offset, const Out& out, int index)
 {
     map_run<float, float>(image, offset, out, index, [](float value) { return value; });
 }
 
 template <class Image_, class Out>
-WARPCAM_FN void clip_run(const Image_& image, float beyond, const Out& out, int index)
+WARPCAM_DEVICE void clip_run(const Image_& image, float beyond, const Out& out, int index)
 {
     constexpr float MOST = 3.402823466e38f;
     map_run<float, float>(image, 0, out, index, [&](float value) { return value <= MOST ? value : beyond; });
 }
 
-template <class Image_, class Out> WARPCAM_FN void negate_run(const Image_& image, const Out& out, int index)
+template <class Image_, class Out> WARPCAM_DEVICE void negate_run(const Image_& image, const Out& out, int index)
 {
     map_run<float, float>(image, 0, out, index, [](float value) { return -value; });
 }
 
 // `miss` for -1, `other` for every id that the table lacks.
 template <class Image_, class Table, class Out>
-WARPCAM_FN void look_up_run(const Image_& image, const Table& table, int miss, int other, const Out& out, int index)
+WARPCAM_DEVICE void look_up_run(const Image_& image, const Table& table, int miss, int other, const Out& out, int index)
 {
     map_run<int, int>(image, 0, out, index, [&](int id) {
         return id >= 0 && id < table.shape[0] ? table.data[id] : id == -1 ? miss : other;
@@ -87,7 +87,7 @@ WARPCAM_FN void look_up_run(const Image_& image, const Table& table, int miss, i
 
 // The last of the objects is that of ids below 0.
 template <class Image_, class Objects, class Out>
-WARPCAM_FN void name_run(const Image_& image, const Objects& objects, int offset, const Out& out, int index)
+WARPCAM_DEVICE void name_run(const Image_& image, const Objects& objects, int offset, const Out& out, int index)
 {
     map_run<int, wp::vec2i>(image, offset, out, index,
                             [&](int id) { return objects.data[id < 0 ? objects.shape[0] - 1 : id]; });
@@ -96,7 +96,7 @@ WARPCAM_FN void name_run(const Image_& image, const Objects& objects, int offset
 // Pixels of three or four bytes, (world, pixel, channel), as words: red shifted by `red` bits, blue by `blue`, green by
 // 8; the highest byte is 255, or `miss_alpha` where a fourth is 0.
 template <class Image_, class Out>
-WARPCAM_FN void color_run(const Image_& image, int red, int blue, int miss_alpha, int offset, const Out& out, int index)
+WARPCAM_DEVICE void color_run(const Image_& image, int red, int blue, int miss_alpha, int offset, const Out& out, int index)
 {
     const int channels = image.shape[2];
     const Run run = run_of(index, image.shape[1]);

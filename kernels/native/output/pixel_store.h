@@ -5,7 +5,7 @@
 
 namespace warpcam {
 
-WARPCAM_FN float infinity() { return as_float(0x7f800000); }
+WARPCAM_DEVICE float infinity() { return as_float(0x7f800000); }
 
 // One pixel of an image. All 32 threads of a warp call the functions below together.
 struct Pixel {
@@ -13,13 +13,13 @@ struct Pixel {
     unsigned at;  // counted from the first world's first pixel; there are fewer than 2^31
     bool inside;  // of the image
 #if defined(__CUDA_ARCH__)
-    float* row_of_lanes;  // shared memory of the warp, 3 * LANES long, aligned to 16 bytes
+    float* row_of_lanes;  // shared memory of the warp, 3 * WARP_SIZE long, aligned to 16 bytes
     int lane;
     int width, height;  // of the image, from the tile's corner on
 #endif
 };
 
-WARPCAM_FN void put_three(float* image, unsigned at, Vec value)
+WARPCAM_DEVICE void put_three(float* image, unsigned at, Vec3 value)
 {
     float* channels = image + 3 * size_t(at);
     channels[0] = value.x;
@@ -28,13 +28,13 @@ WARPCAM_FN void put_three(float* image, unsigned at, Vec value)
 }
 
 // Two pixels beside each other, at once.
-template <class Value, class Given> WARPCAM_FN void put_two(Value* image, Given first, Given second)
+template <class Value, class Given> WARPCAM_DEVICE void put_two(Value* image, Given first, Given second)
 {
-    *reinterpret_cast<Several<Value, 2>*>(image) = { { static_cast<Value>(first), static_cast<Value>(second) } };
+    *reinterpret_cast<AlignedArray<Value, 2>*>(image) = { { static_cast<Value>(first), static_cast<Value>(second) } };
 }
 
-// Three numbers a pixel. QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at once.
-template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image, const Pixel& pixel, Vec value)
+// Three numbers a pixel. STORE_QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at once.
+template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_vec(const Array& image, const Pixel& pixel, Vec3 value)
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {
@@ -46,7 +46,7 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
         lanes[1] = value.y;
         lanes[2] = value.z;
         __syncwarp();
-        if (4 * piece < 3 * lower_int(pixel.width, TILE_WIDTH) && pixel.lane / TILE_WIDTH < pixel.height)
+        if (4 * piece < 3 * min(pixel.width, TILE_WIDTH) && pixel.lane / TILE_WIDTH < pixel.height)
             *reinterpret_cast<float4*>(reinterpret_cast<char*>(image.data + piece) + bytes)
                 = *reinterpret_cast<const float4*>(lanes + piece);
         __syncwarp();
@@ -58,11 +58,11 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_vec(const Array& image
 }
 
 // The bytes R, G, B of a word. Four neighbouring threads store their twelve bytes as three words.
-template <bool IN_QUADS, class Array> WARPCAM_FN void put_bytes(const Array& image, const Pixel& pixel, unsigned word)
+template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_bytes(const Array& image, const Pixel& pixel, unsigned word)
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {
-        const unsigned next = __shfl_down_sync(ALL, word, 1);
+        const unsigned next = __shfl_down_sync(FULL_WARP, word, 1);
         const int place = pixel.lane & 3;
         const unsigned joined = word >> 8 * place | next << (24 - 8 * place);
         if (pixel.inside && place < 3)
@@ -75,7 +75,7 @@ template <bool IN_QUADS, class Array> WARPCAM_FN void put_bytes(const Array& ima
             image.data[3 * size_t(pixel.at) + k] = static_cast<unsigned char>(word >> 8 * k);
 }
 
-template <class Array> WARPCAM_FN void put_word(const Array& image, const Pixel& pixel, unsigned word)
+template <class Array> WARPCAM_DEVICE void put_word(const Array& image, const Pixel& pixel, unsigned word)
 {
     if (pixel.inside) {
 #if defined(__CUDA_ARCH__)

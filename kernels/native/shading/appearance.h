@@ -1,4 +1,4 @@
-// What a block keeps of each shape of its world to draw its pixels: pose as the view has it, size, material.
+// Per-shape shading data in shared memory: pose in the view's frame, size, material.
 #pragma once
 #include "shading/plane_grid.h"
 #include "shading/resolved_material.h"
@@ -15,49 +15,50 @@ enum Fact {
     HAS_TEXTURES = 2,
     HAS_SKYBOX = 4,
     HAS_SHADOWS = 8,
-    QUADS = 16,
+    STORE_QUADS = 16,
     WHOLE_REGIONS = 32,  // the image has no part of a region
-    SPARE = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
-    STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
+    SEPARATE_PLANE_PATH = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
+    PLANE_STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
     PHYSICAL = 1 << 12,  // is lit as shading/pbr.h does it, else as shading/fixed_function.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
     HAS_OFFSETS = 1 << 20,  // textures are moved: shading/world_overrides.h
     HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where floors are looked up by them
 };
-// Of what one layer cannot show. MIRRORED: the view is the one from behind the mirror; REFLECTS: the images hold what
-// is seen from there; VEILED: some shapes may be transparent; HAZY: an endless plane has a haze over its horizon;
-// NOTED: what covers most of a pixel is written over what the trace has found there, for its edges to be made smooth.
-enum LayerFact { MIRRORED = 1 << 8, REFLECTS = 1 << 9, VEILED = 1 << 10, HAZY = 1 << 11, NOTED = 1 << 14 };
+// Flags of features beyond one layer. MIRROR_VIEW: the view is the one from behind the mirror; HAS_MIRROR: the images
+// hold what is seen from there; HAS_TRANSPARENT: some shapes may be transparent; HAS_HAZE: an infinite plane has a haze
+// over its horizon; WRITE_BACK_TRANSPARENT: what covers most of a pixel replaces the trace's result there, so that
+// edges are smoothed by it.
+enum LayerFact { MIRROR_VIEW = 1 << 8, HAS_MIRROR = 1 << 9, HAS_TRANSPARENT = 1 << 10, HAS_HAZE = 1 << 11, WRITE_BACK_TRANSPARENT = 1 << 14 };
 
-// What follows from a set of images and facts.
-template <int IMAGES, int FACTS> struct Wanted {
+// Inputs that a set of images and flags needs.
+template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
     static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
     static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
     static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
-    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SPARE);
+    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
     static constexpr bool TURNED = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
     static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
     static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
     static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
-    static constexpr bool DIMMED = FACTS & MIRRORED;  // colours are those that the mirror shows
+    static constexpr bool DIMMED = FACTS & MIRROR_VIEW;  // colours are those that the mirror shows
 };
 
-// How a shape looks in a physically based scene: its material, the shape's own colour resolved.
-struct Coat {
-    Row color;  // RGB, linear; w: texture or -1
-    Row gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
-    Row glow;   // RGB, linear; w: texture or -1
+// Material of a shape in a physically based scene, with the shape's own colour resolved.
+struct PbrMaterial {
+    Float3Int color;  // RGB, linear; w: texture or -1
+    Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
+    Float3Int glow;   // RGB, linear; w: texture or -1
     int normals;  // texture or -1
 };
 
-// How a texture lies on a shape.
-struct Layout {
-    Row extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+// Layout of a texture on a shape.
+struct TextureLayout {
+    Float3Int extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
     Image image;      // none where a texture of the kind does not show
     float repeat[2];  // of a 2-D texture on the shape; on a plane the rates of u and v along x and y [1/m]
     float start[2];   // u and v in a plane's middle
@@ -67,10 +68,10 @@ struct Layout {
 };
 
 // The shape's axes in the world.
-struct Turn {
-    Row axis_x, axis_y, axis_z;
+struct ShapeToWorldRotation {
+    Float3Int axis_x, axis_y, axis_z;
 
-    WARPCAM_FN Vec world(Vec v) const
+    WARPCAM_DEVICE Vec3 world(Vec3 v) const
     {
         return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
                  axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
@@ -92,7 +93,7 @@ template <class One, class Other> struct Either<false, One, Other> {
     using type = Other;
 };
 
-// How far a texture is moved on its shape, in images.
+// Offset of a texture on its shape, in images.
 struct Shift {
     float shift_u, shift_v;
 };
@@ -100,32 +101,32 @@ struct Unmoved {
 };
 
 // Adds it to a place on the texture.
-template <class Looks> WARPCAM_FN void shift(const Looks& look, float& u, float& v)
+template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, float& u, float& v)
 {
-    if constexpr (Looks::SHIFTED) {
+    if constexpr (Appearances::SHIFTED) {
         u += look.shift_u;
         v += look.shift_v;
     }
 }
 
 // Only what the images need.
-template <int TYPES, class Wants> struct Look : Either<Wants::SHIFTED, Shift, Unmoved>::type {
+template <int TYPES, class Wants> struct ShapeAppearance : Either<Wants::SHIFTED, Shift, Unmoved>::type {
     static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
-    typename Kept<Wants::SURFACE, Pose>::type pose;
+    typename Kept<Wants::SURFACE, ShapeFromCamera>::type pose;
     static constexpr bool JOINT = Wants::JOINS && (TYPES >> COINCIDENT & 1);
-    using Finish_ = typename Either<JOINT, JointFinish, Finish>::type;
-    typename Kept<Wants::COLORED, typename Either<Wants::COATED, Coat, Finish_>::type>::type finish;
-    typename Kept<Wants::TURNED, Turn>::type turn;
-    typename Kept<Wants::TEXTURED, Layout>::type layout;
-    typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneCells>::type cells;
+    using Finish_ = typename Either<JOINT, JointFinish, ResolvedMaterial>::type;
+    typename Kept<Wants::COLORED, typename Either<Wants::COATED, PbrMaterial, Finish_>::type>::type finish;
+    typename Kept<Wants::TURNED, ShapeToWorldRotation>::type turn;
+    typename Kept<Wants::TEXTURED, TextureLayout>::type layout;
+    typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneGrid>::type cells;
 };
 
 template <int TYPES, class Shapes, class Meshes>
-WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
+WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
 {
     const auto r = wp::index(shapes.rotations, world, id);
-    const Vec away = camera.origin - to_vec(wp::index(shapes.positions, world, id));
-    Matrix turn, view;
+    const Vec3 away = camera.origin - as_vec3(wp::index(shapes.positions, world, id));
+    Mat3 turn, view;
     float eye[3];
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
@@ -136,19 +137,19 @@ WARPCAM_FN Pose load_pose(const Shapes& shapes, const Meshes& meshes, const Came
             view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
                 + turn.at[2][i] * camera.rotation.at[2][j];
     }
-    const int type = wp::index(shapes.types, id), asset = row_of(shapes.assets, world, id);
-    Vec size = to_vec(row_of(shapes.sizes, world, id));
-    if ((TYPES >> MESH & 1) && !(TYPES >> SCALED & 1) && type == MESH && asset >= 0) {
+    const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
+    Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
+    if ((TYPES >> MESH & 1) && !(TYPES >> PER_SHAPE_SCALE & 1) && type == MESH && asset >= 0) {
         size.x = as_float(wp::index(meshes.face_start, asset));
         size.y = as_float(wp::index(meshes.corner_start, asset));
     }
     return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
              { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
              { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
-             to_row(size, type + 16 * (asset + 1)) };
+             make_float3_int(size, type + 16 * (asset + 1)) };
 }
 
-template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int world, int id)
+template <class Shapes> WARPCAM_DEVICE ShapeToWorldRotation load_turn(const Shapes& shapes, int world, int id)
 {
     const auto r = wp::index(shapes.rotations, world, id);
     return { { r.data[0][0], r.data[0][1], r.data[0][2], 0 },
@@ -156,23 +157,23 @@ template <class Shapes> WARPCAM_FN Turn load_turn(const Shapes& shapes, int worl
              { r.data[2][0], r.data[2][1], r.data[2][2], 0 } };
 }
 
-// What a physically based scene has instead.
+// Loads the material of a shape in a physically based scene.
 template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
-WARPCAM_FN Coat load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
+WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
                           int id)
 {
-    const Finish finish = load_finish<MATERIAL>(shapes, materials, world, id);
-    Coat coat;
-    coat.color = to_row(decoded(to_vec(finish.color)), finish.color.w);
+    const ResolvedMaterial finish = load_material<MATERIAL>(shapes, materials, world, id);
+    PbrMaterial coat;
+    coat.color = make_float3_int(srgb_to_linear(as_vec3(finish.color)), finish.color.w);
     coat.gloss = { 0.5f, 0.0f, 0.04f, -1 };
     coat.glow = { 0.0f, 0.0f, 0.0f, -1 };
     coat.normals = -1;
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (index >= 0) {
-        coat.gloss.x = row_of(physical.roughness, world, index);
-        coat.gloss.y = row_of(physical.metallic, world, index);
-        coat.gloss.z = row_of(physical.reflectance, world, index);
-        coat.glow = to_row(to_vec(row_of(physical.emissive, world, index)), -1);
+        coat.gloss.x = per_world(physical.roughness, world, index);
+        coat.gloss.y = per_world(physical.metallic, world, index);
+        coat.gloss.z = per_world(physical.reflectance, world, index);
+        coat.glow = make_float3_int(as_vec3(per_world(physical.emissive, world, index)), -1);
         if (MAPS) {
             coat.normals = texture_of(materials, world, index, ROLE_NORMAL);
             coat.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
@@ -184,9 +185,9 @@ WARPCAM_FN Coat load_coat(const Shapes& shapes, const Materials& materials, cons
 
 // The half extents of a shape as MuJoCo gives them to its renderer.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFields& fields)
+WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields)
 {
-    const Vec size = to_vec(pose.size);
+    const Vec3 size = as_vec3(pose.size);
     const int type = pose.type(), asset = pose.asset();
     if (type == SPHERE)
         return { size.x, size.x, size.x };
@@ -195,8 +196,8 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
         return { size.x, size.x, size.y };
     if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
-        return { upper(magnitude(lo[0]), magnitude(hi[0])), upper(magnitude(lo[1]), magnitude(hi[1])),
-                 upper(magnitude(lo[2]), magnitude(hi[2])) };
+        return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])),
+                 max(abs(lo[2]), abs(hi[2])) };
     }
     if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
         const auto field = wp::index(fields.size, asset);
@@ -205,35 +206,35 @@ WARPCAM_FN Vec extent_of(const Pose& pose, const Meshes& meshes, const HeightFie
     return size;
 }
 
-// How often an image repeats along an axis. MuJoCo's renderer takes what is not positive for 1, but where it lays
-// images on from above.
-template <int TYPES> WARPCAM_FN float repeat_of(float given, int type, int own)
+// Repeats of an image along an axis. MuJoCo's renderer takes values that are not positive for 1, except where it
+// projects images from above.
+template <int TYPES> WARPCAM_DEVICE float repeat_of(float given, int type, int own)
 {
-    const bool from_above = (TYPES >> FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
+    const bool from_above = (TYPES >> TEXTURE_FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
     return given > 0.0f || from_above ? given : 1.0f;
 }
 
 // PHYSICALLY: images are repeated as the material says.
 template <int TYPES, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
-WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
-                              const Meshes& meshes, const HeightFields& fields, const Pose& pose, int texture,
+WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
+                              const Meshes& meshes, const HeightFields& fields, const ShapeFromCamera& pose, int texture,
                               int world, int id)
 {
-    Layout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0, 0 };
+    TextureLayout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0, 0 };
     const int index = material_of(shapes, materials, world, id);
     if (index < 0)
         return layout;
     const int kind = layout.image.levels > 0 ? int(wp::index(textures.kind, texture)) : TEXTURE_2D;
     layout.cube = kind == TEXTURE_CUBE;
-    const bool uniform = row_of(materials.texture_uniform, world, index);
+    const bool uniform = per_world(materials.texture_uniform, world, index);
     if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
         layout.own = wp::index(meshes.has_uvs, pose.asset());
-    const auto given = row_of(materials.texture_repeat, world, index);
+    const auto given = per_world(materials.texture_repeat, world, index);
     float repeat[2] = { given[0], given[1] };
     for (int axis = 0; axis < 2 && !PHYSICALLY; ++axis)
         repeat[axis] = repeat_of<TYPES>(repeat[axis], pose.type(), layout.own);
-    const Vec extent = extent_of<TYPES>(pose, meshes, fields);
-    layout.extent = to_row(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
+    const Vec3 extent = extent_of<TYPES>(pose, meshes, fields);
+    layout.extent = make_float3_int(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
     if constexpr ((TYPES >> PROJECTED & 1) != 0) {
@@ -246,17 +247,17 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
         return layout;
     }
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
-        constexpr bool FROM_MIDDLE = TYPES >> FROM_ABOVE & 1;
+        constexpr bool FROM_MIDDLE = TYPES >> TEXTURE_FROM_ABOVE & 1;
         const float offset = extent.x <= 0.0f || extent.y <= 0.0f || FROM_MIDDLE ? -0.5f : 0.0f;
         const float half[2] = { extent.x, extent.y };
         for (int axis = 0; axis < 2; ++axis) {
             layout.start[axis] = (half[axis] > 0.0f && !FROM_MIDDLE ? 0.5f * layout.repeat[axis] : 0.0f) + offset;
-            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? reciprocal(half[axis]) : 1.0f);
+            layout.repeat[axis] *= (axis == 0 ? 0.5f : -0.5f) * (half[axis] > 0.0f ? rcp(half[axis]) : 1.0f);
         }
     }
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
         layout.image.levels = 0;
-    if constexpr ((TYPES >> BARE & 1) != 0) {  // cylinders whose third size is -1, and some meshes
+    if constexpr ((TYPES >> TEXTURELESS_SHAPES & 1) != 0) {  // cylinders whose third size is -1, and some meshes
         if (layout.own < 0 || (pose.type() == CYLINDER && pose.size.z < 0.0f))
             layout.image.levels = 0;
         for (int axis = 0; axis < 2 && layout.own == 2; ++axis)
@@ -265,9 +266,9 @@ WARPCAM_FN Layout load_layout(const Shapes& shapes, const Materials& materials, 
     return layout;
 }
 
-// What of a look only shapes with a texture, and planes, have a use for.
+// Loads the parts of an appearance that only textured shapes and planes use.
 template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
-WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
+WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
                           const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
                           int world, int id)
 {
@@ -281,27 +282,27 @@ WARPCAM_FN void load_rest(Look<TYPES, Wants>& look, const Shapes& shapes, const 
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)
             for (int axis = 0; axis < 2; ++axis)
-                repeat[axis] = row_of(materials.texture_repeat, world, index)[axis];
+                repeat[axis] = per_world(materials.texture_repeat, world, index)[axis];
         look.cells = plane_cells(look.pose, repeat, horizon);
     }
 }
 
 template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
           class HeightFields>
-WARPCAM_APART WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, const Materials& materials,
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance(const Shapes& shapes, const Materials& materials,
                                                       const Physical& physical, const Textures& textures,
                                                       const Meshes& meshes, const HeightFields& fields,
                                                       const Camera& camera, float horizon, int world, int id)
 {
-    Look<TYPES, Wants> look;
+    ShapeAppearance<TYPES, Wants> look;
     if constexpr (Wants::SURFACE)
         look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
     if constexpr (Wants::TURNED)
         look.turn = load_turn(shapes, world, id);
     if constexpr (Wants::COLORED && !Wants::COATED) {
-        const Finish finish = load_finish<Wants::MATERIAL>(shapes, materials, world, id);
-        static_cast<Finish&>(look.finish) = finish;
-        if constexpr (Look<TYPES, Wants>::JOINT)
+        const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);
+        static_cast<ResolvedMaterial&>(look.finish) = finish;
+        if constexpr (ShapeAppearance<TYPES, Wants>::JOINT)
             look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
     }
     if constexpr (Wants::COATED)
@@ -311,19 +312,19 @@ WARPCAM_APART WARPCAM_FN Look<TYPES, Wants> load_look(const Shapes& shapes, cons
 }
 
 // Looks without that: enough of most shapes.
-template <class Wants> struct Bare : Wants {
+template <class Wants> struct Untextured : Wants {
     static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
 };
 
-// What a block keeps where it cannot keep the looks of all shapes: of those that it sees, as far as there is room.
+// Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.
 // PLACES: room for the drawn shapes' marks.
-template <int TYPES_, class Wants_, int PLACES, int ROOM> struct SeenLooks {
+template <int TYPES_, class Wants_, int PLACES, int SIZE> struct SeenLooks {
     static constexpr int TYPES = TYPES_;
     static constexpr bool MARKED = THREADS > 1 && PLACES > 1;
     using Wants = Wants_;
 
-    Look<TYPES, Wants> plane;  // whose corners are kept: shading/plane_vertex_lighting.h
-    Look<TYPES, Bare<Wants>> looks[ROOM];
+    ShapeAppearance<TYPES, Wants> plane;  // whose corners are kept: shading/plane_vertex_lighting.h
+    ShapeAppearance<TYPES, Untextured<Wants>> looks[SIZE];
     unsigned short marks[PLACES];  // by place among the drawn shapes: 1 + where its look is, or 0
     int count;
 };

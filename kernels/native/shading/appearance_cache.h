@@ -5,9 +5,9 @@
 namespace warpcam {
 
 template <int TYPES, class Wants, class Scene_>
-WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera, int world, int id)
+WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance_for(const Scene_& scene, const Camera& camera, int world, int id)
 {
-    auto look = load_look<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
+    auto look = load_appearance<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
                                         scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
         dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
@@ -16,13 +16,13 @@ WARPCAM_FN Look<TYPES, Wants> look_of(const Scene_& scene, const Camera& camera,
 }
 
 // A look that was kept without what few shapes have a use for.
-template <class Seen, class Scene_>
-WARPCAM_FN auto completed(const Seen& seen, int slot, const Scene_& scene, int world, int id)
+template <class EdgeTester, class Scene_>
+WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& scene, int world, int id)
 {
-    using Wants = typename Seen::Wants;
-    constexpr int TYPES = Seen::TYPES;
+    using Wants = typename EdgeTester::Wants;
+    constexpr int TYPES = EdgeTester::TYPES;
     const auto& bare = seen.looks[slot];
-    Look<TYPES, Wants> look;
+    ShapeAppearance<TYPES, Wants> look;
     look.pose = bare.pose;
     look.finish = bare.finish;
     look.turn = bare.turn;
@@ -44,29 +44,29 @@ WARPCAM_FN auto completed(const Seen& seen, int slot, const Scene_& scene, int w
 }
 
 // A shape's look, as it is kept or made anew.
-template <int TYPES, int CAPACITY, class Wants, class Looks, class List, class Scene_>
-WARPCAM_FN auto kept_look(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
+template <int TYPES, int CAPACITY, class Wants, class Appearances, class List, class Scene_>
+WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
                           int id)
 {
     if constexpr (CAPACITY > 0) {
         return looks[scene.shapes.places.data[id]];
     } else if constexpr (CAPACITY < 0) {
-        using Own = typename Looks::Wants;
+        using Own = typename Appearances::Wants;
         if constexpr (HasCorners<List>::VALUE)
             if (id == lights.grid.shape)
                 return looks->plane;
-        const int mark = Looks::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
+        const int mark = Appearances::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
         return mark > 0 ? completed(*looks, mark - 1, scene, world, id)
-                        : look_of<TYPES, Own>(scene, camera, world, id);
+                        : load_appearance_for<TYPES, Own>(scene, camera, world, id);
     } else {
-        return look_of<TYPES, Wants>(scene, camera, world, id);
+        return load_appearance_for<TYPES, Wants>(scene, camera, world, id);
     }
 }
 
 // The look of the plane whose corners are kept.
-template <int KEPT, class Held, class Scene_> WARPCAM_FN const auto& plane_look(const Held* looks, const Scene_& scene)
+template <int CACHED, class Held, class Scene_> WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene)
 {
-    if constexpr (KEPT > 0)
+    if constexpr (CACHED > 0)
         return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
     else
         return looks->plane;
@@ -75,7 +75,7 @@ template <int KEPT, class Held, class Scene_> WARPCAM_FN const auto& plane_look(
 #if defined(__CUDA_ARCH__)
 // The pixel of a thread in one of a region's tiles, row after row.
 template <int WIDTH, int FACTS, class Frame_>
-WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
+WARPCAM_DEVICE void seek_tile(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
 {
     left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
     top += tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT;
@@ -88,8 +88,8 @@ WARPCAM_FN void go_to(Pixel& pixel, const Frame_& frame, unsigned first, int lef
 }
 
 // Keeps the looks of the shapes that a region shows. The threads of a block share the work.
-template <int WIDTH, int HEIGHT, int FACTS, int ROOM, class Seen, class Scene_>
-WARPCAM_FN void gather_looks(Seen& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
+template <int WIDTH, int HEIGHT, int FACTS, int SIZE, class EdgeTester, class Scene_>
+WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
                              int top, int thread)
 {
     const int total = scene.shapes.drawn.shape[0];
@@ -97,26 +97,26 @@ WARPCAM_FN void gather_looks(Seen& seen, const Scene_& scene, const Camera& came
         seen.marks[place] = 0;
     if (thread == 0)
         seen.count = 0;
-    block_barrier();
+    block_sync();
     Pixel pixel;
-    pixel.lane = thread % LANES;
+    pixel.lane = thread % WARP_SIZE;
 #pragma unroll 1
-    for (unsigned tile = unsigned(thread) / LANES; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
-         tile += THREADS / LANES) {
-        go_to<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
+    for (unsigned tile = unsigned(thread) / WARP_SIZE; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+         tile += THREADS / WARP_SIZE) {
+        seek_tile<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
         const int id = pixel.inside ? scene.frame.shape.data[pixel.at] : -1;
         if (id >= 0 && id != scene.frame.plane)
             seen.marks[scene.shapes.places.data[id]] = 1;
     }
-    block_barrier();
+    block_sync();
 #pragma unroll 1
     for (int place = thread; place < total; place += THREADS) {
         if (!seen.marks[place])
             continue;
         const int slot = atomicAdd(&seen.count, 1);
-        seen.marks[place] = slot < ROOM ? slot + 1 : 0;
-        if (slot < ROOM)
-            seen.looks[slot] = look_of<Seen::TYPES, Bare<typename Seen::Wants>>(scene, camera, world,
+        seen.marks[place] = slot < SIZE ? slot + 1 : 0;
+        if (slot < SIZE)
+            seen.looks[slot] = load_appearance_for<EdgeTester::TYPES, Untextured<typename EdgeTester::Wants>>(scene, camera, world,
                                                                                wp::index(scene.shapes.drawn, place));
     }
 }

@@ -7,92 +7,101 @@
 // Multiple-Scattering Microfacet Model for Real-Time Image-based Lighting", 2019): a white surface under an even white
 // sky is just white.
 #pragma once
-#include "core/vec3.h"
+#include "core/scalar_or_simd.h"
 
 namespace warpcam {
 
-constexpr float PI = 3.14159265358979f;
-constexpr float SMOOTHEST = 0.045f;  // roughness below which highlights would be smaller than floats can tell
+constexpr float MIN_ROUGHNESS = 0.045f;  // roughness below which highlights would be smaller than floats can tell
 
-// What a place of a surface is to light.
-struct Skin {
-    Vec matt;      // colour of the base: none under metal
-    Vec straight;  // reflectance where light falls straight
-    float grazing;  // and where it grazes; below 1 only where the former is less than any real surface's
-    float roughness, square;  // `square`: of alpha, which is the roughness squared
+// Reflection parameters of a surface point.
+template <class Vector> struct Bsdf {
+    Vector matt;                         // colour of the base: none under metal
+    Vector straight;                     // reflectance where light falls straight
+    NumberOf<Vector> grazing;  // and where it grazes; below 1 only where the former is less than any real surface's
+    NumberOf<Vector> roughness, square;  // `square`: of alpha, which is the roughness squared
 };
 
 // `reflectance` is that of what is no metal, where light falls straight.
-WARPCAM_FN Skin skin_of(Vec color, float roughness, float metallic, float reflectance)
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE Bsdf<Vector> make_bsdf(Vector color, Number roughness, Number metallic, float reflectance)
 {
-    roughness = between(roughness, SMOOTHEST, 1.0f);
-    metallic = saturated(metallic);
-    const Vec dielectric { reflectance, reflectance, reflectance };
-    const Vec straight = dielectric + metallic * (color - dielectric);
-    return { (1.0f - metallic) * color, straight, saturated(17.0f * (straight.x + straight.y + straight.z)), roughness,
-             roughness * roughness * roughness * roughness };
+    const Number least = MIN_ROUGHNESS, one = 1.0f;
+    roughness = clamp(roughness, least, one);
+    metallic = saturate(metallic);
+    const Vector dielectric = broadcast<Vector>({ reflectance, reflectance, reflectance });
+    const Vector straight = dielectric + metallic * (color - dielectric);
+    return { (1.0f - metallic) * color, straight, saturate(17.0f * (straight.x + straight.y + straight.z)), roughness,
+             fourth_power(roughness) };
 }
 
 // The share of microfacets that face `half`, a unit vector: D. The square of a sine from the cross product keeps its
 // digits where highlights are small.
-WARPCAM_FN float facing_facets(Vec normal, Vec half, float square)
+template <class Vector>
+WARPCAM_DEVICE NumberOf<Vector> ggx_ndf(Vector normal, Vector half, NumberOf<Vector> square)
 {
-    const float along = dot(normal, half);
-    const Vec aside = cross(normal, half);
-    const float sum = along * along * square + dot(aside, aside);
+    const auto along = dot(normal, half);
+    const Vector aside = cross(normal, half);
+    const auto sum = along * along * square + dot(aside, aside);
     return along > 0.0f ? square / (PI * sum * sum) : 0.0f;
 }
 
-// How much of the facets is neither masked nor in shadow, over 4 (n.l) (n.v): V.
-WARPCAM_FN float open_facets(float to_light, float to_eye, float square)
+// Smith visibility V: the part of the microfacets that is neither masked nor in shadow, over 4 (n.l) (n.v).
+template <class Number> WARPCAM_DEVICE Number smith_visibility(Number to_light, Number to_eye, Number square)
 {
-    const float masked = to_light * root(to_eye * to_eye * (1.0f - square) + square);
-    const float shadowed = to_eye * root(to_light * to_light * (1.0f - square) + square);
-    return 0.5f / upper(masked + shadowed, 1.0e-7f);
+    const Number masked = to_light * sqrt(to_eye * to_eye * (1.0f - square) + square);
+    const Number shadowed = to_eye * sqrt(to_light * to_light * (1.0f - square) + square);
+    return 0.5f / max(masked + shadowed, 1.0e-7f);
 }
 
-WARPCAM_FN Vec fresnel(const Skin& skin, float cosine)
+template <class Vector> WARPCAM_DEVICE Vector fresnel(const Bsdf<Vector>& skin, NumberOf<Vector> cosine)
 {
-    const float rest = 1.0f - saturated(cosine), rest2 = rest * rest, rest5 = rest2 * rest2 * rest;
-    return skin.straight + rest5 * (Vec { skin.grazing, skin.grazing, skin.grazing } - skin.straight);
+    const NumberOf<Vector> rest = 1.0f - saturate(cosine), rest2 = rest * rest, rest5 = rest2 * rest2 * rest;
+    return skin.straight + rest5 * (Vector { skin.grazing, skin.grazing, skin.grazing } - skin.straight);
 }
 
-// What a surface sends to the eye of light from one direction, times pi: of its base, without the cosine to the light,
-// and of its facets, with it. `spread` is the squared sine of the angle that the light is seen under from its middle to
-// its edge. Halved, as facets halve angles, it widens their distribution: seen in a mirror a light is as bright as it
-// is.
-struct Reflection {
-    Vec matt, gloss;
+// Light reflected to the eye from one direction, times pi: by the base, without the cosine to the light, and by the
+// microfacets, with it. `spread` is the squared sine of half the angle under which the light is seen. Halved, as
+// microfacets halve angles, it widens their distribution, so that a light's mirror image is as bright as the light.
+template <class Vector> struct BsdfValue {
+    Vector matt, gloss;
 };
 
-WARPCAM_FN Reflection reflection_of(const Skin& skin, Vec normal, Vec to_light, Vec to_eye, float eye_cosine,
-                                    float spread)
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE BsdfValue<Vector> reflection_of(const Bsdf<Vector>& skin, Vector normal, Vector to_light, Vector to_eye,
+                                              Number eye_cosine, Number spread)
 {
-    const Vec half = normalized(to_light + to_eye);
-    const float light_cosine = saturated(dot(normal, to_light));
-    const Vec mirrored = fresnel(skin, dot(to_eye, half));
-    const float wide = lower(skin.square + 0.25f * spread, 1.0f);
-    const float gloss = PI * light_cosine * facing_facets(normal, half, wide)
-        * open_facets(light_cosine, eye_cosine, skin.square);
-    return { times(skin.matt, Vec { 1.0f, 1.0f, 1.0f } - mirrored), gloss * mirrored };
+    const Vector half = normalized(to_light + to_eye);
+    const Number light_cosine = saturate(dot(normal, to_light));
+    const Vector mirrored = fresnel(skin, dot(to_eye, half));
+    const Number wide = min(skin.square + 0.25f * spread, 1.0f);
+    const Number gloss = PI * light_cosine * ggx_ndf(normal, half, wide)
+        * smith_visibility(light_cosine, eye_cosine, skin.square);
+    return { mul(skin.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
 }
 
-// What a surface sends to the eye of light from everywhere: of what falls on it on average, `even`, and of what comes
-// from about the direction that the eye is mirrored in, `mirrored`.
-WARPCAM_FN Vec reflected_around(const Skin& skin, float eye_cosine, Vec even, Vec mirrored)
+// Light that leaves the facets only after more bounces, which `lost` of it does.
+WARPCAM_DEVICE Vec3 multiple_scattering(float lost, Vec3 single, Vec3 mean)
 {
-    const float r = skin.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;
-    const float fade = lower(x * x, power(2.0f, -9.28f * eye_cosine)) * x + y;
-    const float scale = upper(-1.04f * fade + 1.04f - 0.572f * r, 0.0f);
-    const float offset = upper(1.04f * fade - 0.04f + 0.022f * r, 0.0f);
-    const float lost = upper(1.0f - scale - offset, 0.0f);  // by facets that light leaves only after more bounces
-    const Vec one { 1.0f, 1.0f, 1.0f };
-    const float edge = offset * skin.grazing;
-    const Vec single = scale * skin.straight + Vec { edge, edge, edge };
-    const Vec mean = skin.straight + (1.0f / 21.0f) * (one - skin.straight);
-    const Vec again = lost * times(times(single, mean), { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y),
-                                                          1.0f / (1.0f - lost * mean.z) });
-    return times(single, mirrored) + times(again + times(skin.matt, one - single - again), even);
+    return lost * mul(mul(single, mean), { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y),
+                                               1.0f / (1.0f - lost * mean.z) });
+}
+
+// Light reflected to the eye from everywhere: of the mean irradiance, `even`, and of the radiance from about the mirror
+// direction, `mirrored`.
+template <class Vector>
+WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine, Vector even, Vector mirrored)
+{
+    using Number = NumberOf<Vector>;
+    const Number r = skin.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;
+    const Number fade = min(x * x, exp2(-9.28f * eye_cosine)) * x + y;
+    const Number scale = max(-1.04f * fade + 1.04f - 0.572f * r, 0.0f);
+    const Number offset = max(1.04f * fade - 0.04f + 0.022f * r, 0.0f);
+    const Number lost = max(1.0f - scale - offset, 0.0f);  // by facets that light leaves only after more bounces
+    const Number edge = offset * skin.grazing, part = 1.0f / 21.0f;
+    const Vector one = broadcast<Vector>({ 1.0f, 1.0f, 1.0f }),
+                 single = scale * skin.straight + Vector { edge, edge, edge };
+    const Vector mean = skin.straight + part * (one - skin.straight), again = multiple_scattering(lost, single, mean);
+    return mul(single, mirrored) + mul(again + mul(skin.matt, one - single - again), even);
 }
 
 }  // namespace warpcam

@@ -12,61 +12,60 @@ namespace warpcam {
 constexpr int BOX_CELLS = 4;  // along a side of a box
 
 // A triangle in the camera's frame, and a place on it.
-struct Facet {
-    Vec place[3], normal[3];  // of its corners [m]
-    float weight1, weight2;   // of the second and third corner, for the place
-    bool three;               // else only the first corner counts, which is the place itself
+template <class Vector> struct GouraudTriangleOf {
+    Vector place[3], normal[3];         // of its corners [m]
+    NumberOf<Vector> weight1, weight2;  // of the second and third corner, for the place
+    bool three;                         // else only the first corner counts, which is the place itself
 };
+
+using GouraudTriangle = GouraudTriangleOf<Vec3>;
 
 // The half of an axis-aligned quad that a hit lies in. The quad is cut from its second to its fourth corner; mirrored,
 // from its first to its third. `place` is the hit in the camera's frame, `along` and `across` are the quad's axes
 // there, `a` and `b` the hit's coordinates on them.
-WARPCAM_FN void in_quad(Vec place, Vec along, Vec across, float a, float b, CellSpan u, CellSpan v, bool mirrored,
-                        Facet& facet)
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
+                        CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
 {
-    float weight1 = between((a - u.start) * reciprocal(upper(u.length, 1.0e-20f)), 0.0f, 1.0f);
-    float weight2 = between((b - v.start) * reciprocal(upper(v.length, 1.0e-20f)), 0.0f, 1.0f);
-    if (mirrored) {
-        v = { v.start + v.length, -v.length };
-        weight2 = 1.0f - weight2;
-    }
-    if (weight1 + weight2 > 1.0f) {
-        u = { u.start + u.length, -u.length };
-        v = { v.start + v.length, -v.length };
-        weight1 = 1.0f - weight1;
-        weight2 = 1.0f - weight2;
-    }
+    const Number none = 0.0f, one = 1.0f;
+    const Number weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), none, one);
+    Number weight2 = clamp((b - v.start) * rcp(max(v.length, 1.0e-20f)), none, one);
+    v = { mirrored ? v.start + v.length : v.start, mirrored ? -v.length : v.length };
+    weight2 = mirrored ? one - weight2 : weight2;
+    const auto other = weight1 + weight2 > one;
+    u = { other ? u.start + u.length : u.start, other ? -u.length : u.length };
+    v = { other ? v.start + v.length : v.start, other ? -v.length : v.length };
+    facet.weight1 = other ? one - weight1 : weight1;
+    facet.weight2 = other ? one - weight2 : weight2;
     facet.place[0] = place + (u.start - a) * along + (v.start - b) * across;
     facet.place[1] = facet.place[0] + u.length * along;
     facet.place[2] = facet.place[0] + v.length * across;
-    facet.weight1 = weight1;
-    facet.weight2 = weight2;
     facet.three = true;
 }
 
 // One of the equal cells of a box's side.
-WARPCAM_FN CellSpan box_cell(float x, float half)
+template <class Number> WARPCAM_DEVICE CellSpan<Number> box_cell(Number x, Number half)
 {
-    const float length = 2.0f / BOX_CELLS * half;
-    const float i = between(round_down((x + half) * reciprocal(length)), 0.0f, float(BOX_CELLS - 1));
+    const Number length = 2.0f / BOX_CELLS * half, none = 0.0f, last = float(BOX_CELLS - 1);
+    const Number i = clamp(round_down((x + half) * rcp(length)), none, last);
     return { i * length - half, length };
 }
 
-template <int TYPES, class Meshes> WARPCAM_FN Vec corner_normal(const Meshes& meshes, const Pose& pose, int corner)
+template <int TYPES, class Meshes> WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
 {
-    const Vec normal = to_vec(wp::index(meshes.normals, corner));
-    if (TYPES >> SCALED & 1)
-        return pose.seen(normalized(divided(normal, to_vec(pose.size))));
+    const Vec3 normal = as_vec3(wp::index(meshes.normals, corner));
+    if (TYPES >> PER_SHAPE_SCALE & 1)
+        return pose.seen(normalized(div(normal, as_vec3(pose.size))));
     return pose.seen(normal);
 }
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
-template <int TYPES, class Looks, class Meshes>
-WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface& surface, Vec place, Facet& facet,
+template <int TYPES, class Appearances, class Meshes>
+WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface, Vec3 place, GouraudTriangle& facet,
                          bool cells = true)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
@@ -88,7 +87,7 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
     bool quad = false, mirrored = false;
     int u_axis = 0, v_axis = 1;
-    CellSpan u, v;
+    CellSpan<float> u, v;
     float a, b;
     if constexpr (HAS_PLANE) {
         if (type == PLANE && look.cells.u.step != 0.0f && cells) {
@@ -105,13 +104,13 @@ WARPCAM_FN void facet_at(const Looks& look, const Meshes& meshes, const Surface&
         v_axis = surface.part == 2 ? 1 : 2;
         a = component(surface.local, u_axis);
         b = component(surface.local, v_axis);
-        u = box_cell(a, component(to_vec(pose.size), u_axis));
-        v = box_cell(b, component(to_vec(pose.size), v_axis));
+        u = box_cell(a, component(as_vec3(pose.size), u_axis));
+        v = box_cell(b, component(as_vec3(pose.size), v_axis));
         mirrored = (surface.part == 1) == (component(surface.normal, surface.part) > 0.0f);
     }
     if ((HAS_PLANE || HAS_BOX) && quad) {
-        const Vec along = to_vec(u_axis == 0 ? pose.axis_x : pose.axis_y);
-        const Vec across = to_vec(v_axis == 1 ? pose.axis_y : pose.axis_z);
+        const Vec3 along = as_vec3(u_axis == 0 ? pose.axis_x : pose.axis_y);
+        const Vec3 across = as_vec3(v_axis == 1 ? pose.axis_y : pose.axis_z);
         in_quad(place, along, across, a, b, u, v, mirrored, facet);
     }
 }

@@ -5,8 +5,8 @@
 
 namespace warpcam {
 
-// What a mirror shows of a surface: its colour weaker, its highlights as they are.
-WARPCAM_FN void dim(Finish& finish, float strength)
+// Dims a material as seen in a mirror: its colour weaker, its highlights unchanged.
+WARPCAM_DEVICE void dim(ResolvedMaterial& finish, float strength)
 {
     finish.color.x *= strength;
     finish.color.y *= strength;
@@ -15,15 +15,15 @@ WARPCAM_FN void dim(Finish& finish, float strength)
 
 // Adds what the mirror shows, which has been drawn into the images, to the mirror's own colour.
 template <int IMAGES, class Images>
-WARPCAM_FN void add_mirrored(const Images& images, unsigned at, Vec& linear, Vec& display)
+WARPCAM_DEVICE void add_mirrored(const Images& images, unsigned at, Vec3& linear, Vec3& display)
 {
     if constexpr ((IMAGES & HDR) != 0) {
         const float* seen = images.hdr.data + 3 * size_t(at);
-        linear = linear + Vec { seen[0], seen[1], seen[2] };
+        linear = linear + Vec3 { seen[0], seen[1], seen[2] };
     }
     if constexpr ((IMAGES & (RGB | RGBA)) != 0) {
         const auto* seen = (IMAGES & RGB ? images.rgb.data + 3 * size_t(at) : images.rgba.data + 4 * size_t(at));
-        display = display + 1.0f / 255.0f * Vec { float(seen[0]), float(seen[1]), float(seen[2]) };
+        display = display + 1.0f / 255.0f * Vec3 { float(seen[0]), float(seen[1]), float(seen[2]) };
     }
 }
 

@@ -12,45 +12,58 @@ template <class Scene_, class Physical_> struct PhysicalScene : Scene_ {
 template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Physical_&)
     -> PhysicalScene<Scene_, Physical_>;
 
-// `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's. Bit l of `shadow`
-// says that light l, of those that are kept, does not reach it.
-template <int TYPES, int LENS, int FACTS, class Looks, class Scene_>
-WARPCAM_FN Vec shade_physically(const Looks& look, const LampList& list, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Surface& surface, Vec place, Vec ray, float depth, Vec color,
-                                int shadow)
+// The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
+// light l, of those that are kept, does not reach it.
+template <int FACTS, class Scene_, class Vector>
+WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaLights& list, const Scene_& scene,
+                                 const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
+                                 IntOf<Vector> shadow)
 {
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, MAPS = FACTS & HAS_MAPS, IMAGE = FACTS & HAS_SKYBOX;
-    Vec normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
-    const Paint paint
-        = paint_at<TYPES, LENS, MAPS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color,
-                                      normal);
-    normal = look.pose.seen(normal);
-    Vec to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec { 0.0f, 0.0f, 1.0f };
-    if constexpr (LENS == SPREAD)
-        to_eye = -ViewRay<LENS> { x, y }.direction();
-    const float slant = dot(normal, to_eye), eye_cosine = upper(magnitude(slant), 1.0e-4f);
-    Vec light = paint.glow, around { 0.0f, 0.0f, 0.0f };
+    using Number = NumberOf<Vector>;
+    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, IMAGE = FACTS & HAS_SKYBOX;
+    const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
+    Vector light = paint.glow, around { none, none, none };
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
-        const Lamp& lamp = list.lamps[n];
-        if (SHADOWS && (lamp.place.w & shadow))
+        const AreaLight& lamp = list.lamps[n];
+        const MaskOf<Vector> reached = (lamp.place.w & shadow) == 0;
+        if (SHADOWS && !any(reached))
             continue;
-        const Shine shine = shine_at(lamp, place);
+        const AreaLightSample<Vector> shine = sample_light(lamp, place);
+        const Number share = SHADOWS ? (reached ? shine.share : none) : shine.share;
         if (lamp.diffuse.w & AMBIENT)
-            around = around + shine.share * to_vec(lamp.ambient);
-        const float cosine = cosine_over(dot(normal, shine.to_light), shine.spread);
-        if (!(shine.share * cosine > 0.0f))
+            around = around + share * broadcast<Vector>(as_vec3(lamp.ambient));
+        const Number cosine = clipped_cosine(dot(normal, shine.to_light), shine.spread);
+        const MaskOf<Vector> lit = share * cosine > 0.0f;
+        if (!any(lit))
             continue;
-        const Reflection back = reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
-        light = light + shine.share * (cosine * times(back.matt, to_vec(lamp.diffuse))
-                                       + times(back.gloss, to_vec(lamp.specular)));
+        const BsdfValue<Vector> back =
+            reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
+        const Vector own = share * (cosine * mul(back.matt, broadcast<Vector>(as_vec3(lamp.diffuse)))
+                                    + mul(back.gloss, broadcast<Vector>(as_vec3(lamp.specular))));
+        light = select(lit, light + own, light);
     }
-    const Vec up = turned(camera.rotation, normal);
-    const Vec mirror = turned(camera.rotation, 2.0f * slant * normal - to_eye);
-    const Vec even = around + sky_on(list.sky, up);
-    const Vec mirrored = around
-        + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, paint.skin.roughness);
-    return light + paint.open * reflected_around(paint.skin, eye_cosine, even, mirrored);
+    const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
+    const Vector even = around + sky_on(list.sky, up);
+    const Vector mirrored =
+        around + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, paint.skin.roughness);
+    return light + paint.open * environment_brdf(paint.skin, eye_cosine, even, mirrored);
+}
+
+// `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's.
+template <int TYPES, int LENS, int FACTS, class Appearances, class Scene_>
+WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene, const Camera& camera,
+                                float x, float y, const SurfaceInteraction& surface, Vec3 place, Vec3 ray, float depth, Vec3 color,
+                                int shadow)
+{
+    Vec3 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    const PbrInputs<Vec3> paint = paint_at<TYPES, LENS, (FACTS & HAS_MAPS) != 0>(
+        look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color, normal);
+    normal = look.pose.seen(normal);
+    Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        to_eye = -CameraRay<LENS> { x, y }.direction();
+    return physical_light<FACTS>(paint, list, scene, camera.rotation, place, normal, to_eye, shadow);
 }
 
 }  // namespace warpcam

@@ -1,4 +1,4 @@
-// What a physically based surface is made of at a place: its material's, and what its maps say.
+// Physically based material at a surface point, with its maps applied.
 #pragma once
 #include "shading/ggx.h"
 #include "shading/appearance.h"
@@ -6,18 +6,18 @@
 
 namespace warpcam {
 
-// Of a place of a surface.
-struct Paint {
-    Skin skin;
-    Vec glow;    // what it emits
-    float open;  // share of the light from all around that reaches it
+// Material inputs of a surface point.
+template <class Vector> struct PbrInputs {
+    Bsdf<Vector> skin;
+    Vector glow;            // what it emits
+    NumberOf<Vector> open;  // share of the light from all around that reaches it
 };
 
 // A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
 // triangle: u's gradient, made square to the normal, and to it v.
-WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)
+WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 {
-    const Vec along_u = cross(dv, normal),
+    const Vec3 along_u = cross(dv, normal),
               along_v = cross(normal, du);  // the place's rates of change, but for a factor
     const float side = dot(du, along_u) < 0.0f ? -1.0f : 1.0f;           // -1 where the texture is mirrored
     if (dot(along_u, along_u) < 1.0e-30f || dot(along_v, along_v) < 1.0e-30f)
@@ -26,44 +26,45 @@ WARPCAM_FN Vec tilted(Vec normal, Vec map, Vec du, Vec dv)
 }
 
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
-template <int TYPES, int LENS, bool MAPS, class Looks, class Meshes, class Textures>
-WARPCAM_FN Paint paint_at(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                          float x, float y, const Surface& surface, Vec ray, float depth, Vec color, Vec& normal)
+template <int TYPES, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
+WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                   const Camera& camera, float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth,
+                                   Vec3 color, Vec3& normal)
 {
-    const Coat& coat = look.finish;
+    const PbrMaterial& coat = look.finish;
     float roughness = coat.gloss.x, metallic = coat.gloss.y;
-    Paint paint { {}, to_vec(coat.glow), 1.0f };
+    PbrInputs<Vec3> paint { {}, as_vec3(coat.glow), 1.0f };
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
-        const Pose& pose = look.pose;
+        const ShapeFromCamera& pose = look.pose;
         if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
-            const Vec right = pose.local(step_right<LENS>(camera, x, y, depth));
-            const Vec down = pose.local(step_down<LENS>(camera, x, y, depth));
+            const Vec3 right = pose.local(step_right<LENS>(camera, x, y, depth));
+            const Vec3 down = pose.local(step_down<LENS>(camera, x, y, depth));
             Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
             shift(look, at.u, at.v);
-            const Vec step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
-            const Pair to_right { dot(at.du, step_right), dot(at.dv, step_right) };
-            const Pair to_below { dot(at.du, step_down), dot(at.dv, step_down) };
+            const Vec3 step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
+            const Float2 to_right { dot(at.du, step_right), dot(at.dv, step_right) };
+            const Float2 to_below { dot(at.du, step_down), dot(at.dv, step_down) };
             if (is_texture(textures, packed)) {
                 const Image image = load_image(textures, packed);
-                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
                 paint.open = read.x;
                 roughness *= read.y;
                 metallic *= read.z;
             }
             if (is_texture(textures, glowing)) {
                 const Image image = load_image(textures, glowing);
-                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                paint.glow = times(paint.glow, decoded(read));
+                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                paint.glow = mul(paint.glow, srgb_to_linear(read));
             }
             if (is_texture(textures, normals)) {
                 const Image image = load_image(textures, normals);
-                const Vec read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                normal = tilted(normal, 2.0f * read - Vec { 1.0f, 1.0f, 1.0f }, at.du, -at.dv);
+                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
+                normal = tilted(normal, 2.0f * read - Vec3 { 1.0f, 1.0f, 1.0f }, at.du, -at.dv);
             }
         }
     }
-    paint.skin = skin_of(times(to_vec(coat.color), color), roughness, metallic, coat.gloss.z);
+    paint.skin = make_bsdf(mul(as_vec3(coat.color), color), roughness, metallic, coat.gloss.z);
     return paint;
 }
 

@@ -1,4 +1,4 @@
-// What pixels show of a plane whose corners are kept.
+// Colours of the pixels of a plane whose lit vertices are cached.
 #pragma once
 #include "shading/plane_vertex_lighting.h"
 
@@ -6,10 +6,10 @@ namespace warpcam {
 
 // The texture's colour where a ray, in the plane's frame, meets it.
 template <bool ON_SHEETS>
-WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec ray, float depth, float x, float y)
+WARPCAM_DEVICE Vec3 floor_texture(const FloorView& view, const unsigned* texels, Vec3 ray, float depth, float x, float y)
 {
-    const Row place = view.place, right = view.right, down = view.down;
-    const float slope = reciprocal(ray.z), along = ray.x * slope, across = ray.y * slope;
+    const Float3Int place = view.place, right = view.right, down = view.down;
+    const float slope = rcp(ray.z), along = ray.x * slope, across = ray.y * slope;
     const float right_u = right.x - right.y * along, right_v = right.z - as_float(right.w) * across;
     const float down_u = down.x - down.y * along, down_v = down.z - as_float(down.w) * across;
     const float square = depth * depth;
@@ -18,23 +18,23 @@ WARPCAM_FN Vec floor_texture(const FloorView& view, const unsigned* texels, Vec 
     const int steps = int(detail);
 #if defined(__CUDA_ARCH__)
     if (ON_SHEETS && view.sheet)
-        return sample_sheet(view.sheet, view.levels[steps], view.levels[lower_int(steps + 1, view.count - 1)],
+        return sample_sheet(view.sheet, view.levels[steps], view.levels[min(steps + 1, view.count - 1)],
                             place.x * x + place.z, place.y * y + as_float(place.w), detail - float(steps));
 #endif
-    const Row row = view.levels[steps];
+    const Float3Int row = view.levels[steps];
     const Level level { as_int(row.z), as_int(row.x), as_int(row.y) };
     return sample_levels(texels, level, row.w, place.x * x + place.z, place.y * y + as_float(place.w),
                          detail - float(steps));
 }
 
 // A pixel among the corners that are kept: those of its half of a cell, and their weights.
-struct OnCorners {
+struct GridInterpolation {
     int first, second, third;  // numbers of the corners
     float weight1, weight2, weight3;
     bool inside;
 };
 
-template <class Grid> WARPCAM_FN OnCorners on_corners(const Grid& grid, Vec local, bool on_plane)
+template <class Grid> WARPCAM_DEVICE GridInterpolation on_corners(const Grid& grid, Vec3 local, bool on_plane)
 {
     constexpr float BASE = 1.5f * 8388608.0f;  // of whole numbers of either sign
     const float u = grid.u.at(local.x), v = grid.v.at(local.y);
@@ -43,7 +43,7 @@ template <class Grid> WARPCAM_FN OnCorners on_corners(const Grid& grid, Vec loca
     const float a = u - (base_u - BASE), b = v - (base_v - BASE);
     const bool high = a + b > 1.0f;
     const int corner = row * grid.columns + column;
-    OnCorners on;
+    GridInterpolation on;
     on.inside = on_plane && unsigned(column) < unsigned(grid.columns - 1) && unsigned(row) < unsigned(grid.rows - 1);
     on.first = (on.inside ? corner + (high ? grid.columns + 1 : 0) : 0) * grid.stride;
     on.second = (on.inside ? corner + 1 : 0) * grid.stride;
@@ -54,34 +54,34 @@ template <class Grid> WARPCAM_FN OnCorners on_corners(const Grid& grid, Vec loca
     return on;
 }
 
-template <class Grid> WARPCAM_FN float shown_at(const Grid& grid, const OnCorners& on, int value)
+template <class Grid> WARPCAM_DEVICE float shown_at(const Grid& grid, const GridInterpolation& on, int value)
 {
     const float* values = grid.values + value;
     return on.weight1 * values[on.first] + on.weight2 * values[on.second] + on.weight3 * values[on.third];
 }
 
 // FEW numbers that lie together, from a place that is a multiple of FEW.
-WARPCAM_FN void load_few(const float* from, float* to)
+WARPCAM_DEVICE void load_few(const float* from, float* to)
 {
 #if defined(__CUDA_ARCH__)
     *reinterpret_cast<float4*>(to) = *reinterpret_cast<const float4*>(from);
 #else
-    for (int k = 0; k < FEW; ++k)
+    for (int k = 0; k < GREY_VERTEX_LIGHTS; ++k)
         to[k] = from[k];
 #endif
 }
 
-// What a pixel shows in the lights that `shadow` leaves.
-template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const OnCorners& on, int shadow)
+// Colour of a pixel in the lights that `shadow` leaves.
+template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, const GridInterpolation& on, int shadow)
 {
     if (Grid::SHADOWS && grid.few) {
-        alignas(16) float first[FEW], second[FEW], third[FEW];
+        alignas(16) float first[GREY_VERTEX_LIGHTS], second[GREY_VERTEX_LIGHTS], third[GREY_VERTEX_LIGHTS];
         load_few(grid.values + on.first, first);
         load_few(grid.values + on.second, second);
         load_few(grid.values + on.third, third);
         float sum = on.weight1 * first[0] + on.weight2 * second[0] + on.weight3 * third[0];
 #pragma unroll
-        for (int n = 1; n < FEW; ++n) {
+        for (int n = 1; n < GREY_VERTEX_LIGHTS; ++n) {
             const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
 #if defined(__CUDA_ARCH__)
             sum -= grid.bits[n - 1] & shadow ? light : 0.0f;
@@ -89,7 +89,7 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
             sum += grid.bits[n - 1] & shadow ? 0.0f : light;
 #endif
         }
-        sum = upper(sum, 0.0f);  // what is left of a sum may be less by its rounding
+        sum = max(sum, 0.0f);  // what is left of a sum may be less by its rounding
         return { sum, sum, sum };
     }
     if (grid.grey) {
@@ -101,39 +101,39 @@ template <class Grid> WARPCAM_FN Vec light_from_corners(const Grid& grid, const 
         }
         return { sum, sum, sum };
     }
-    Vec sum { shown_at(grid, on, 0), shown_at(grid, on, 1), shown_at(grid, on, 2) };
+    Vec3 sum { shown_at(grid, on, 0), shown_at(grid, on, 1), shown_at(grid, on, 2) };
 #pragma unroll 1
     for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n)
         if (!(grid.bits[n] & shadow)) {
             const int value = 3 + 3 * n;
-            sum = sum + Vec { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
+            sum = sum + Vec3 { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
         }
     return sum;
 }
 
-// What a pixel shows of the plane, if it is among the corners that are kept; false if not. `found` is what the trace
-// found there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART: where some
-// of their pixels show something else, these are left out; otherwise it then returns false for all of them.
+// Shades a pixel of the plane from its cached vertices; returns false if they do not cover the pixel. `found` is the
+// trace's result there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART:
+// pixels that show something else are left out; otherwise such a pixel makes it return false for the whole warp.
 template <bool TEXTURED, bool APART, bool ON_SHEETS, class Grid, class Textures, class Shadow>
-WARPCAM_FN bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
-                           float x, float y, Vec& display)
+WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
+                           float x, float y, Vec3& display)
 {
     const FloorView& view = grid.view;
     const bool hit = found.shape >= 0, on_plane = hit && found.shape == grid.shape;
-    if (!any_lane(on_plane) || (!APART && any_lane(hit && !on_plane)) || !view.plain)
+    if (!warp_any(on_plane) || (!APART && warp_any(hit && !on_plane)) || !view.plain)
         return false;
-    const Row axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
-    const Vec ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
+    const Float3Int axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
+    const Vec3 ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
                     axis_z.x * x + axis_z.y * y - axis_z.z };
-    const Vec local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
-    const OnCorners on = on_corners(grid, local, on_plane);
-    if (APART ? !any_lane(on.inside) : any_lane(hit && !on.inside))
+    const Vec3 local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
+    const GridInterpolation on = on_corners(grid, local, on_plane);
+    if (APART ? !warp_any(on.inside) : warp_any(hit && !on.inside))
         return false;
     const int shadow = Grid::SHADOWS ? shadow_at() : 0;
-    Vec texture { 1.0f, 1.0f, 1.0f };
+    Vec3 texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
         texture = floor_texture<ON_SHEETS>(view, textures.texels.data, ray, found.depth, local.x, local.y);
-    display = times(light_from_corners(grid, on, shadow), texture);
+    display = mul(light_from_corners(grid, on, shadow), texture);
     return !APART || on.inside;
 }
 

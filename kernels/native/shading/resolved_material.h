@@ -1,37 +1,37 @@
-// How a shape looks, its material and its own colour resolved; and what shapes in the same place look like together.
+// Appearance of a shape with its material and own colour resolved, and the joint appearance of shapes that coincide.
 #pragma once
 #include "geometry/shape_state.h"
 
 namespace warpcam {
 
-struct Finish {
-    Row color;  // RGB; w: texture or -1
-    Row gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
+struct ResolvedMaterial {
+    Float3Int color;  // RGB; w: texture or -1
+    Float3Int gloss;  // x: emission, y: specular, z: exponent of the highlight; w unused
 };
 
-// The same of one of several shapes in the same place. The last of them is seen, but light that casts shadows is added
-// once for each of them, as MuJoCo's renderer does: its passes find all of them where they have drawn the last.
-struct JointFinish: Finish {
-    Row joint;  // sums over all of them: RGB; w: bits of what is specular
+// Material of coincident shapes. The last of them is visible, but light that casts shadows is added once for each, as
+// MuJoCo's renderer does: its light passes draw all of them where the last was drawn.
+struct JointFinish: ResolvedMaterial {
+    Float3Int joint;  // sums over all of them: RGB; w: bits of what is specular
 };
 
-// What of a light that casts shadows is reflected.
+// Reflectance for light that casts shadows.
 struct Reflectance {
-    Vec matt;
+    Vec3 matt;
     float gloss;
 };
 
-WARPCAM_FN Reflectance of_casting(const Finish& finish) { return { to_vec(finish.color), finish.gloss.y }; }
-WARPCAM_FN Reflectance of_casting(const JointFinish& finish)
+WARPCAM_DEVICE Reflectance of_casting(const ResolvedMaterial& finish) { return { as_vec3(finish.color), finish.gloss.y }; }
+WARPCAM_DEVICE Reflectance of_casting(const JointFinish& finish)
 {
-    return { to_vec(finish.joint), as_float(finish.joint.w) };
+    return { as_vec3(finish.joint), as_float(finish.joint.w) };
 }
 
 // The index of a shape's material, or -1: indices can be written by the user at any time.
 template <class Shapes, class Materials>
-WARPCAM_FN int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
+WARPCAM_DEVICE int material_of(const Shapes& shapes, const Materials& materials, int world, int id)
 {
-    const int index = row_of(shapes.materials, world, id);
+    const int index = per_world(shapes.materials, world, id);
     return index < materials.color.shape[1] ? index : -1;
 }
 
@@ -44,7 +44,7 @@ enum Role {
 };  // values of types.py
 
 template <class Materials>
-WARPCAM_FN int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)
+WARPCAM_DEVICE int texture_of(const Materials& materials, int world, int material, Role role = ROLE_COLOR)
 {
     const int rows = materials.texture.shape[0];
     return *wp::address(materials.texture, world < rows ? world : remainder(world, rows), material, role);
@@ -53,19 +53,19 @@ WARPCAM_FN int texture_of(const Materials& materials, int world, int material, R
 // A shape's own colour counts where it has been set: where it differs from the default, (0.5, 0.5, 0.5, 1). The
 // material of a shape without one is MuJoCo's: half specular, half shininess.
 template <bool MATERIAL, class Shapes, class Materials>
-WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, int world, int id)
+WARPCAM_DEVICE ResolvedMaterial load_material(const Shapes& shapes, const Materials& materials, int world, int id)
 {
-    auto color = row_of(shapes.colors, world, id);
-    Finish finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
+    auto color = per_world(shapes.colors, world, id);
+    ResolvedMaterial finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (MATERIAL && index >= 0) {
         if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
-            color = row_of(materials.color, world, index);
+            color = per_world(materials.color, world, index);
         finish.color.w = texture_of(materials, world, index);
-        finish.gloss.x = row_of(materials.emission, world, index);
-        finish.gloss.y = row_of(materials.specular, world, index);
+        finish.gloss.x = per_world(materials.emission, world, index);
+        finish.gloss.y = per_world(materials.specular, world, index);
         finish.gloss.z =
-            128.0f * lower(upper(row_of(materials.shininess, world, index), 0.0f), 1.0f);  // as OpenGL takes
+            128.0f * min(max(per_world(materials.shininess, world, index), 0.0f), 1.0f);  // as OpenGL takes
     }
     finish.color.x = color[0];
     finish.color.y = color[1];
@@ -73,27 +73,27 @@ WARPCAM_FN Finish load_finish(const Shapes& shapes, const Materials& materials, 
     return finish;
 }
 
-// Do both stand in the same place, as they did when the scene was made?
-template <class Shapes> WARPCAM_FN bool coincide(const Shapes& shapes, int world, int id, int other)
+// True if both shapes coincide now, as they did when the scene was built.
+template <class Shapes> WARPCAM_DEVICE bool coincide(const Shapes& shapes, int world, int id, int other)
 {
     return wp::index(shapes.positions, world, id) == wp::index(shapes.positions, world, other)
         && wp::index(shapes.rotations, world, id) == wp::index(shapes.rotations, world, other)
-        && row_of(shapes.sizes, world, id) == row_of(shapes.sizes, world, other)
-        && row_of(shapes.assets, world, id) == row_of(shapes.assets, world, other);
+        && per_world(shapes.sizes, world, id) == per_world(shapes.sizes, world, other)
+        && per_world(shapes.assets, world, id) == per_world(shapes.assets, world, other);
 }
 
 template <bool MATERIAL, class Shapes, class Materials>
-WARPCAM_FN Row load_joint(const Shapes& shapes, const Materials& materials, int world, int id, const Finish& finish)
+WARPCAM_DEVICE Float3Int load_joint(const Shapes& shapes, const Materials& materials, int world, int id, const ResolvedMaterial& finish)
 {
     Reflectance sum = of_casting(finish);
     int other = opacity(shapes, materials, world, id) >= SOLID ? int(wp::index(shapes.coincident, id)) : -1;
     for (; other >= 0 && other != id; other = wp::index(shapes.coincident, other)) {
         if (!coincide(shapes, world, id, other) || opacity(shapes, materials, world, other) < SOLID)
             continue;
-        const Reflectance own = of_casting(load_finish<MATERIAL>(shapes, materials, world, other));
+        const Reflectance own = of_casting(load_material<MATERIAL>(shapes, materials, world, other));
         sum = { sum.matt + own.matt, sum.gloss + own.gloss };
     }
-    return to_row(sum.matt, as_int(sum.gloss));
+    return make_float3_int(sum.matt, as_int(sum.gloss));
 }
 
 }  // namespace warpcam

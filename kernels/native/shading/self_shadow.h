@@ -10,31 +10,36 @@ constexpr int SHADES_ITSELF = 1 << HEIGHT_FIELD | 1 << SPHERE | 1 << CAPSULE | 1
                               | 1 << CONE | 1 << BARREL;
 
 // The map of a light that dims, in the camera's frame.
-WARPCAM_FN ShadowMap map_of(const LightList& list, const Light& light, const Camera& camera)
+WARPCAM_DEVICE ShadowMap map_of(const LightList& list, const Light& light, const Camera& camera)
 {
     const bool spot = light.ambient.w & SPOT;
-    const Matrix& r = camera.rotation;
-    const Vec along = normalized(spot ? to_vec(light.axis) : -to_vec(light.place));
-    return shadow_map(to_vec(spot ? light.place : light.axis), along,
+    const Mat3& r = camera.rotation;
+    const Vec3 along = normalized(spot ? as_vec3(light.axis) : -as_vec3(light.place));
+    return shadow_map(as_vec3(spot ? light.place : light.axis), along,
                       cross({ r.at[0][0], r.at[0][1], r.at[0][2] }, along),
                       { as_float(light.specular.w), list.near, 0.0f });
 }
 
 // The bits of the lights in whose shadow a shape that shades itself has a place, as far as it comes from that shape.
 // In the camera's frame; `normal` is the shape's own.
-static WARPCAM_COLD int own_shadow(const LightList& list, const Camera& camera, Vec place, Vec normal)
+template <class Vector> static WARPCAM_NOINLINE IntOf<Vector> own_shadow(const LightList& list, const Camera& camera,
+                                                                         Vector place, Vector normal)
 {
-    int shadow = 0;
+    using Int = IntOf<Vector>;
+    Int shadow = 0;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         if (!dims(light))
             continue;
         const bool spot = light.ambient.w & SPOT;
         const ShadowMap map = map_of(list, light, camera);
-        float along;
-        if (!(dot(normal, spot ? to_vec(light.place) - place : to_vec(light.place)) > 0.0f)
-            && (!map.bounded || has_place(map, !spot, place, along)))
-            shadow |= light.place.w;
+        const Vector source = broadcast<Vector>(as_vec3(light.place));
+        NumberOf<Vector> along;
+        MaskOf<Vector> dark = !(dot(normal, spot ? source - place : source) > 0.0f);
+        if (map.bounded && any(dark))
+            dark = dark & has_place(map, !spot, place, along);
+        const Int none = 0, bit = light.place.w;
+        shadow |= dark ? bit : none;
     }
     return shadow;
 }

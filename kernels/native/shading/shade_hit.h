@@ -1,4 +1,4 @@
-// What one pixel shows of the surface that it sees.
+// Shading of one pixel's visible surface.
 #pragma once
 #include "shading/plane_shading.h"
 #include "output/hit_attributes.h"
@@ -27,25 +27,25 @@ struct Scene {
 };
 template <class... Structs> Scene(const Structs&...) -> Scene<Structs...>;
 
-// What shading/pbr.h reads beside.
-template <class Scene_> WARPCAM_FN None physical_of(const Scene_&) { return {}; }
+// Additional tables that shading/pbr.h reads.
+template <class Scene_> WARPCAM_DEVICE None physical_of(const Scene_&) { return {}; }
 template <class Scene_, class Physical_>
-WARPCAM_FN const Physical_& physical_of(const PhysicalScene<Scene_, Physical_>& scene)
+WARPCAM_DEVICE const Physical_& physical_of(const PhysicalScene<Scene_, Physical_>& scene)
 {
     return scene.physical;
 }
 
-// Where a warp sees anything at all, its pixels that see nothing do as one of the others does, so that all its threads
-// go the same way; what they find is not used. False where it sees nothing.
-WARPCAM_FN bool follow(bool hit, Hit& found)
+// Gives pixels without a hit that of another pixel of their warp, so that all its threads take the same branches; their
+// results are not used. Returns false if the whole warp has no hit.
+WARPCAM_DEVICE bool fill_inactive_lanes(bool hit, Hit& found)
 {
 #if defined(__CUDA_ARCH__)
-    const unsigned hits = __ballot_sync(ALL, hit);
-    if (hits != ALL && hits != 0u) {
-        const int leader = lowest_bit(hits);
-        const int shape = __shfl_sync(ALL, found.shape, leader);
-        const int face = __shfl_sync(ALL, found.face, leader);
-        const float depth = __shfl_sync(ALL, found.depth, leader);
+    const unsigned hits = __ballot_sync(FULL_WARP, hit);
+    if (hits != FULL_WARP && hits != 0u) {
+        const int leader = ctz(hits);
+        const int shape = __shfl_sync(FULL_WARP, found.shape, leader);
+        const int face = __shfl_sync(FULL_WARP, found.face, leader);
+        const float depth = __shfl_sync(FULL_WARP, found.depth, leader);
         if (!hit)
             found = { depth, shape, face };
     }
@@ -56,48 +56,48 @@ WARPCAM_FN bool follow(bool hit, Hit& found)
 }
 
 // The texture's colour at a place of a 2-D one.
-template <class Looks, class Textures>
-WARPCAM_FN Vec sample_at(const Looks& look, const Textures& textures, Footprint at)
+template <class Appearances, class Textures>
+WARPCAM_DEVICE Vec3 sample_at(const Appearances& look, const Textures& textures, Footprint at)
 {
-    const Layout& layout = look.layout;
+    const TextureLayout& layout = look.layout;
     shift(look, at.u, at.v);
 #if defined(__CUDA_ARCH__)
-    if (Looks::ON_SHEETS && layout.sheet)
+    if (Appearances::ON_SHEETS && layout.sheet)
         return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
 #endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
 
 // The texture's colour at a hit; white where there is none.
-template <int TYPES, int LENS, class Looks, class Meshes, class Textures>
-WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                             float x, float y, const Surface& surface, Vec ray, float depth)
+template <int TYPES, int LENS, class Appearances, class Meshes, class Textures>
+WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
+                             float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth)
 {
-    const Layout& layout = look.layout;
+    const TextureLayout& layout = look.layout;
     if (layout.image.levels <= 0)
         return { 1.0f, 1.0f, 1.0f };
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
-    Vec right = has_table(LENS) ? pose.local(step_right<LENS>(camera, x, y, depth))
-                                   : stretch * camera.scale_x * Vec { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
-    Vec down = has_table(LENS) ? pose.local(step_down<LENS>(camera, x, y, depth))
-                                  : -stretch * camera.scale_y * Vec { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
+    Vec3 right = has_table(LENS) ? pose.local(step_right<LENS>(camera, x, y, depth))
+                                   : stretch * camera.scale_x * Vec3 { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+    Vec3 down = has_table(LENS) ? pose.local(step_down<LENS>(camera, x, y, depth))
+                                  : -stretch * camera.scale_y * Vec3 { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
-        const Vec to_right = times(mapping.scale, slide(right, ray, surface.normal));
-        const Vec to_below = times(mapping.scale, slide(down, ray, surface.normal));
+        const Vec3 to_right = mul(mapping.scale, slide(right, ray, surface.normal));
+        const Vec3 to_below = mul(mapping.scale, slide(down, ray, surface.normal));
 #if defined(__CUDA_ARCH__)
-        if (Looks::ON_SHEETS && layout.sheet)
+        if (Appearances::ON_SHEETS && layout.sheet)
             return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
     if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
         if (is_blended<TYPES>(pose, layout)) {
-            const Vec share = shares_of(smooth_normal<TYPES>(pose, meshes, surface));
+            const Vec3 share = shares_of(smooth_normal<TYPES>(pose, meshes, surface));
             right = slide(right, ray, surface.normal);
             down = slide(down, ray, surface.normal);
-            Vec sum { 0.0f, 0.0f, 0.0f };
+            Vec3 sum { 0.0f, 0.0f, 0.0f };
             for (int axis = 0; axis < 3; ++axis) {
                 Mapping mapping;
                 map_along(axis, layout, surface.local, mapping);
@@ -110,34 +110,34 @@ WARPCAM_FN Vec texture_color(const Looks& look, const Meshes& meshes, const Text
     return sample_at(look, textures, footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down));
 }
 
-// What a surface shows.
-struct Shown {
-    Vec normal;
-    Vec albedo, linear, display;
+// Shaded colour of a surface.
+struct ShadedPixel {
+    Vec3 normal;
+    Vec3 albedo, linear, display;
 };
 
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class List, class Scene_>
-WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Hit& found, int shadow, Shown& shown)
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene, const Camera& camera,
+                                float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
 {
-    using Wants = Wanted<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
     const float depth = found.depth;
-    Surface surface;
-    Vec place, ray;  // in the camera's frame; in the shape's
+    SurfaceInteraction surface;
+    Vec3 place, ray;  // in the camera's frame; in the shape's
     if constexpr (Wants::SURFACE) {
-        const Pose& pose = look.pose;
-        place = LENS == PINHOLE ? Vec { depth * x, depth * y, -depth } : Vec { x, y, -depth };
+        const ShapeFromCamera& pose = look.pose;
+        place = LENS == PINHOLE ? Vec3 { depth * x, depth * y, -depth } : Vec3 { x, y, -depth };
         ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
         if constexpr (LENS == RAYS) {
-            place = depth * ViewRay<LENS> { x, y }.direction();
-            ray = pose.local(ViewRay<LENS> { x, y }.direction());
+            place = depth * CameraRay<LENS> { x, y }.direction();
+            ray = pose.local(CameraRay<LENS> { x, y }.direction());
         }
-        if constexpr (LENS == SPREAD) {
-            const Beam beam = ViewRay<LENS> { x, y }.beam();
+        if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+            const OffsetRay beam = CameraRay<LENS> { x, y }.beam();
             place = beam.start + depth * beam.direction;
             ray = pose.local(beam.direction);
         }
-        const Vec local = pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
+        const Vec3 local = pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
@@ -148,58 +148,58 @@ WARPCAM_FN void resolve_surface(const Looks& look, const List& lights, const Sce
         if (dot(surface.normal, ray) > 0.0f)
             shown.normal = -shown.normal;
     }
-    Vec texture { 1.0f, 1.0f, 1.0f };
+    Vec3 texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
         texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
     if constexpr (Wants::COATED)
-        texture = decoded(texture);
+        texture = srgb_to_linear(texture);
     if constexpr ((IMAGES & ALBEDO) != 0) {
-        shown.albedo = times(clip(to_vec(look.finish.color)), texture);
+        shown.albedo = mul(clip(as_vec3(look.finish.color)), texture);
         if constexpr (Wants::COATED)
-            shown.albedo = encoded(shown.albedo);
+            shown.albedo = linear_to_srgb(shown.albedo);
     }
     if constexpr (Wants::LIT && Wants::COATED) {
         shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
                                                             depth, texture, shadow);
-        shown.display = encoded(shown.linear);
+        shown.display = linear_to_srgb(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
         // else draw_floor() did, or left this pixel out
         constexpr bool BY_CORNERS =
-            lit_by_corners<List>(SHADOWS) && (!(FACTS & SPARE) || (IMAGES & (NORMALS | ALBEDO)));
+            lit_by_corners<List>(SHADOWS) && (!(FACTS & SEPARATE_PLANE_PATH) || (IMAGES & (NORMALS | ALBEDO)));
         if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
             if (lights.dims && (SHADES_ITSELF >> look.pose.type() & 1))
                 shadow |= own_shadow(lights, camera, place, look.pose.seen(surface.normal));
-        OnCorners on;
+        GridInterpolation on;
         on.inside = false;
         if constexpr (BY_CORNERS) {
             on.inside = found.shape == lights.grid.shape;
-            if (any_lane(on.inside))
+            if (warp_any(on.inside))
                 on = on_corners(lights.grid, surface.local, on.inside);
         }
-        Lit lit;
-        if (any_lane(!on.inside)) {
-            Facet facet;
+        LitColor lit;
+        if (warp_any(!on.inside)) {
+            GouraudTriangle facet;
             facet_at<TYPES>(look, scene.meshes, surface, place, facet, !on.inside);
             const bool three =
-                (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && any_lane(facet.three);
+                (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && warp_any(facet.three);
             const auto lit_from = [&](auto... eye) {
-                return three ? illuminate<3, SHADOWS>(lights, facet, look.finish, shadow, eye...)
-                             : illuminate<1, SHADOWS>(lights, facet, look.finish, shadow, eye...);
+                return three ? light_vertices<3, SHADOWS>(lights, facet, look.finish, shadow, eye...)
+                             : light_vertices<1, SHADOWS>(lights, facet, look.finish, shadow, eye...);
             };
-            if constexpr (LENS == SPREAD)
-                lit = lit_from(ViewRay<LENS> { x, y }.beam().start);
+            if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+                lit = lit_from(CameraRay<LENS> { x, y }.beam().start);
             else
                 lit = lit_from();
         }
         if constexpr (BY_CORNERS)
-            if (any_lane(on.inside)) {
-                const Vec light = light_from_corners(lights.grid, on, shadow);
-                Vec& own = IMAGES & HDR ? lit.linear : lit.display;  // corners keep either
+            if (warp_any(on.inside)) {
+                const Vec3 light = light_from_corners(lights.grid, on, shadow);
+                Vec3& own = IMAGES & HDR ? lit.linear : lit.display;  // corners keep either
                 own = on.inside ? light : own;
             }
-        shown.linear = times(lit.linear, texture);
-        shown.display = times(lit.display, texture);
+        shown.linear = mul(lit.linear, texture);
+        shown.display = mul(lit.display, texture);
     }
 }
 

@@ -3,50 +3,50 @@
 // A mapping gives the place and its gradient over the shape's frame; the gradient turns the step to the next pixel into
 // a step on the texture. Measured against `mujoco.Renderer` 3.17 with a texture that shows its own coordinates. Up to
 // 3.11 it lays a 2-D texture on all shapes from above, but for meshes with coordinates of their own, where it does not
-// repeat: FROM_ABOVE.
+// repeat: TEXTURE_FROM_ABOVE.
 #pragma once
 #include "shading/appearance.h"
 
 namespace warpcam {
 
-constexpr float TURN = 6.283185307179586f;
+constexpr float TWO_PI = 6.283185307179586f;
 
 // A place on a 2-D texture, in images: (0, 0) is the top left corner, (1, 1) the bottom right.
 struct Mapping {
     float u, v;
-    Vec du, dv;  // gradients over the shape's frame [1/m]
+    Vec3 du, dv;  // gradients over the shape's frame [1/m]
 };
 
 // A direction into a cube texture.
 struct CubeMapping {
-    Vec direction;
-    Vec scale;  // change of `direction` with the place in the shape's frame, axis by axis [1/m]
+    Vec3 direction;
+    Vec3 scale;  // change of `direction` with the place in the shape's frame, axis by axis [1/m]
 };
 
 // Maps u once around the z axis from +x and v to `top` - elevation * `scale`, on an ellipsoid of half axes `half`; with
 // a scale of 0 v runs along the axis, from `half.z` to its mirror image.
-WARPCAM_FN void map_round(Vec q, Vec half, float top, float scale, Mapping& mapping)
+WARPCAM_DEVICE void map_round(Vec3 q, Vec3 half, float top, float scale, Mapping& mapping)
 {
-    const Vec rate { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) }, unit = times(q, rate);
+    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) }, unit = mul(q, rate);
     const float square = unit.x * unit.x + unit.y * unit.y;
-    const float turn = wp::atan2(unit.y, unit.x) * (1.0f / TURN);
+    const float turn = wp::atan2(unit.y, unit.x) * (1.0f / TWO_PI);
     mapping.u = turn < 0.0f ? turn + 1.0f : turn;
-    const float rate_u = reciprocal(upper(square, 1.0e-12f) * TURN);
+    const float rate_u = rcp(max(square, 1.0e-12f) * TWO_PI);
     mapping.du = { -unit.y * rate_u * rate.x, unit.x * rate_u * rate.y, 0.0f };
     mapping.v = top - 0.5f * unit.z;
     mapping.dv = { 0.0f, 0.0f, -0.5f * rate.z };
     if (scale > 0.0f) {
-        const float flat = upper(root(square), 1.0e-6f), slope = -unit.z * reciprocal(flat);
+        const float flat = max(sqrt(square), 1.0e-6f), slope = -unit.z * rcp(flat);
         mapping.v = top - wp::atan2(unit.z, flat) * scale;
-        mapping.dv = -scale * reciprocal(dot(unit, unit)) * times(rate, { slope * unit.x, slope * unit.y, flat });
+        mapping.dv = -scale * rcp(dot(unit, unit)) * mul(rate, { slope * unit.x, slope * unit.y, flat });
     }
 }
 
 // Maps u and v over a rectangle.
-WARPCAM_FN void map_flat(Vec local, Vec half, int u_axis, int v_axis, Mapping& mapping)
+WARPCAM_DEVICE void map_flat(Vec3 local, Vec3 half, int u_axis, int v_axis, Mapping& mapping)
 {
-    const float rate_u = 0.5f * reciprocal(component(half, u_axis)),
-                rate_v = 0.5f * reciprocal(component(half, v_axis));
+    const float rate_u = 0.5f * rcp(component(half, u_axis)),
+                rate_v = 0.5f * rcp(component(half, v_axis));
     mapping.u = 0.5f + component(local, u_axis) * rate_u;
     mapping.v = 0.5f - component(local, v_axis) * rate_v;
     mapping.du = axis_vector(u_axis, rate_u);
@@ -54,16 +54,16 @@ WARPCAM_FN void map_flat(Vec local, Vec half, int u_axis, int v_axis, Mapping& m
 }
 
 // The image laid on from above, for shapes without texture coordinates of their own.
-WARPCAM_FN void map_from_above(Vec local, Vec half, Mapping& mapping)
+WARPCAM_DEVICE void map_from_above(Vec3 local, Vec3 half, Mapping& mapping)
 {
-    mapping.du = { 0.5f * reciprocal(upper(half.x, 1.0e-12f)), 0.0f, 0.0f };
-    mapping.dv = { 0.0f, -0.5f * reciprocal(upper(half.y, 1.0e-12f)), 0.0f };
+    mapping.du = { 0.5f * rcp(max(half.x, 1.0e-12f)), 0.0f, 0.0f };
+    mapping.dv = { 0.0f, -0.5f * rcp(max(half.y, 1.0e-12f)), 0.0f };
     mapping.u = mapping.du.x * local.x;
     mapping.v = mapping.dv.y * local.y;
 }
 
 // One image a metre along an axis, v upwards.
-WARPCAM_FN void map_along(int axis, const Layout& layout, Vec local, Mapping& mapping)
+WARPCAM_DEVICE void map_along(int axis, const TextureLayout& layout, Vec3 local, Mapping& mapping)
 {
     const int u_axis = axis == 0 ? 1 : 0, v_axis = axis == 2 ? 1 : 2;
     mapping.u = component(local, u_axis) * layout.repeat[0];
@@ -73,15 +73,15 @@ WARPCAM_FN void map_along(int axis, const Layout& layout, Vec local, Mapping& ma
 }
 
 // The axis that a surface faces most.
-WARPCAM_FN int faced_axis(Vec normal)
+WARPCAM_DEVICE int faced_axis(Vec3 normal)
 {
-    const float x = magnitude(normal.x), y = magnitude(normal.y), z = magnitude(normal.z);
+    const float x = abs(normal.x), y = abs(normal.y), z = abs(normal.z);
     return x >= y && x >= z ? 0 : y >= z ? 1 : 2;
 }
 
 // A mesh's own texture coordinates.
 template <class Meshes>
-WARPCAM_FN void map_by_corners(const Meshes& meshes, const Surface& surface, Mapping& mapping)
+WARPCAM_DEVICE void map_by_corners(const Meshes& meshes, const SurfaceInteraction& surface, Mapping& mapping)
 {
     const auto start = wp::index(meshes.uvs, surface.corner);
     const auto second = wp::index(meshes.uvs, surface.corner + 1), third = wp::index(meshes.uvs, surface.corner + 2);
@@ -90,15 +90,15 @@ WARPCAM_FN void map_by_corners(const Meshes& meshes, const Surface& surface, Map
     mapping.u = start[0] + surface.weight1 * u1 + surface.weight2 * u2;
     mapping.v = 1.0f - (start[1] + surface.weight1 * v1 + surface.weight2 * v2);
     const Triangle& triangle = surface.triangle;
-    const Vec normal = cross(triangle.edge1, triangle.edge2);
-    const float rate = reciprocal(upper(dot(normal, normal), TINY));
+    const Vec3 normal = cross(triangle.edge1, triangle.edge2);
+    const float rate = rcp(max(dot(normal, normal), MIN_NORMAL));
     // Gradients of the barycentric weights.
-    const Vec weight1 = rate * cross(triangle.edge2, normal), weight2 = rate * cross(normal, triangle.edge1);
+    const Vec3 weight1 = rate * cross(triangle.edge2, normal), weight2 = rate * cross(normal, triangle.edge1);
     mapping.du = u1 * weight1 + u2 * weight2;
     mapping.dv = -(v1 * weight1 + v2 * weight2);
 }
 
-WARPCAM_FN void repeat(const Layout& layout, float offset, Mapping& mapping)
+WARPCAM_DEVICE void repeat(const TextureLayout& layout, float offset, Mapping& mapping)
 {
     mapping.u = mapping.u * layout.repeat[0] + offset;
     mapping.v = mapping.v * layout.repeat[1] + offset;
@@ -108,14 +108,14 @@ WARPCAM_FN void repeat(const Layout& layout, float offset, Mapping& mapping)
 
 // Not of planes.
 template <int TYPES, class Meshes>
-WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surface& surface)
+WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface)
 {
     const int type = pose.type(), part = surface.part;
-    const Vec half = to_vec(layout.extent), local = surface.local;
+    const Vec3 half = as_vec3(layout.extent), local = surface.local;
     Mapping mapping { 0.0f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     float offset = 0.0f;
     const bool own = (TYPES >> MESH & 1) && type == MESH && layout.own;
-    if constexpr ((TYPES >> FROM_ABOVE & 1) != 0) {
+    if constexpr ((TYPES >> TEXTURE_FROM_ABOVE & 1) != 0) {
         if (own) {
             map_by_corners(meshes, surface, mapping);
         } else {
@@ -143,15 +143,15 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
         mapping.dv = -mapping.dv;
     } else if ((TYPES & (1 << SPHERE | 1 << ELLIPSOID | 1 << CAPSULE | 1 << CYLINDER | 1 << CONE | 1 << BARREL))
                && ((type >= SPHERE && type <= CYLINDER) || round)) {
-        Vec ball = local, radii = half;
-        float top = 0.5f, scale = 2.0f / TURN;
+        Vec3 ball = local, radii = half;
+        float top = 0.5f, scale = 2.0f / TWO_PI;
         if (type == CAPSULE || round) {
             scale = 0.0f;
             if (part != SIDE) {  // each cap has the image's top or bottom half to itself
                 ball.z -= part == TOP ? half.z : -half.z;
                 radii.z = half.x;
                 top = part == TOP ? 1.0f : 0.0f;
-                scale = 4.0f / TURN;
+                scale = 4.0f / TWO_PI;
             }
         }
         map_round(ball, radii, top, scale, mapping);
@@ -169,20 +169,20 @@ WARPCAM_FN Mapping map_2d(const Pose& pose, const Layout& layout, const Meshes& 
 // A place on a 2-D texture, and the steps from there to the next pixel on the right and to the next below.
 struct Footprint {
     float u, v;
-    Pair right, down;
+    Float2 right, down;
 };
 
 // `step` carried along `ray` into the plane of `normal`: how far the hit moves from pixel to pixel.
-WARPCAM_FN Vec slide(Vec step, Vec ray, Vec normal)
+WARPCAM_DEVICE Vec3 slide(Vec3 step, Vec3 ray, Vec3 normal)
 {
     const float slope = dot(normal, ray);
     if (slope * slope < 1.0e-24f * dot(ray, ray))
         return 1.0e6f * step;
-    return step - dot(normal, step) * reciprocal(slope) * ray;
+    return step - dot(normal, step) * rcp(slope) * ray;
 }
 
 // `right` and `down` are steps of the hit, in the shape's frame.
-WARPCAM_FN Footprint footprint_of(const Mapping& mapping, Vec right, Vec down)
+WARPCAM_DEVICE Footprint footprint_of(const Mapping& mapping, Vec3 right, Vec3 down)
 {
     return { mapping.u, mapping.v, { dot(mapping.du, right), dot(mapping.dv, right) },
              { dot(mapping.du, down), dot(mapping.dv, down) } };
@@ -190,11 +190,11 @@ WARPCAM_FN Footprint footprint_of(const Mapping& mapping, Vec right, Vec down)
 
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
 template <int TYPES, class Meshes>
-WARPCAM_FN Footprint footprint_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surface& surface,
-                                  Vec ray, Vec right, Vec down)
+WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface,
+                                  Vec3 ray, Vec3 right, Vec3 down)
 {
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // floors fill images
-        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = reciprocal(ray.z);
+        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = rcp(ray.z);
         const float rise_right = right.z * slope, rise_down = down.z * slope;
         return { surface.local.x * rate_u + layout.start[0],
                  surface.local.y * rate_v + layout.start[1],
@@ -205,34 +205,34 @@ WARPCAM_FN Footprint footprint_2d(const Pose& pose, const Layout& layout, const 
                         slide(down, ray, surface.normal));
 }
 
-// How much of each of three images, laid along the three axes, a surface shows where TRIPLANAR.
-WARPCAM_FN Vec shares_of(Vec normal)
+// Weights of three images, projected along the three axes, if TRIPLANAR.
+WARPCAM_DEVICE Vec3 shares_of(Vec3 normal)
 {
-    const Vec share { magnitude(normal.x), magnitude(normal.y), magnitude(normal.z) };
-    return reciprocal(upper(share.x + share.y + share.z, TINY)) * share;
+    const Vec3 share { abs(normal.x), abs(normal.y), abs(normal.z) };
+    return rcp(max(share.x + share.y + share.z, MIN_NORMAL)) * share;
 }
 
-template <int TYPES> WARPCAM_FN bool is_blended(const Pose& pose, const Layout& layout)
+template <int TYPES> WARPCAM_DEVICE bool is_blended(const ShapeFromCamera& pose, const TextureLayout& layout)
 {
     return (TYPES >> TRIPLANAR & 1) && pose.type() != PLANE && !layout.own;
 }
 
 template <int TYPES>
-WARPCAM_FN CubeMapping map_cube(const Pose& pose, const Layout& layout, const Surface& surface)
+WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction& surface)
 {
     const int type = pose.type();
-    const Vec half = to_vec(layout.extent);
-    Vec place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
+    const Vec3 half = as_vec3(layout.extent);
+    Vec3 place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
-        scale = { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
+        scale = { rcp(half.x), rcp(half.y), rcp(half.z) };
     if ((TYPES >> CAPSULE & 1) && type == CAPSULE && surface.part != SIDE) {
         // Each cap is a unit sphere whose middle is one above or below the origin.
         scale = { scale.x, scale.x, scale.x };
         place.z += (surface.part == BOTTOM ? -1.0f : 1.0f) * (half.x - half.z);
     }
     if (layout.extent.w)
-        scale = times(scale, half);
-    return { times(place, scale), scale };
+        scale = mul(scale, half);
+    return { mul(place, scale), scale };
 }
 
 }  // namespace warpcam

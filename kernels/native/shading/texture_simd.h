@@ -11,13 +11,13 @@ namespace warpcam {
 struct Levels {
     int start[MAX_LEVELS], width[MAX_LEVELS], height[MAX_LEVELS];
     int count;
-    Floats columns, rows;  // of the first
+    Float8 columns, rows;  // of the first
 
     Levels(const Image& image, int images)
     {
-        count = lower_int(image.levels, MAX_LEVELS);
-        columns = (Floats)float(image.width);
-        rows = (Floats)float(image.height);
+        count = min(image.levels, MAX_LEVELS);
+        columns = (Float8)float(image.width);
+        rows = (Float8)float(image.height);
         Level level { image.start, image.width, images > 1 ? image.width : image.height };
         for (int i = 0; i < count; ++i) {
             start[i] = level.start;
@@ -28,14 +28,14 @@ struct Levels {
     }
 };
 
-inline Floats levels_of_detail(Floats right, Floats down, int levels)
+inline Float8 levels_of_detail(Float8 right, Float8 down, int levels)
 {
-    const Floats longer = upper(right, down), most = 1.0e30f;
-    const Floats level = lower(0.5f * logarithm2(lower(upper(longer, (Floats)1.0f), most)), (Floats)float(levels - 1));
-    return longer > 1.0f ? level : (Floats)0.0f;
+    const Float8 longer = max(right, down), most = 1.0e30f;
+    const Float8 level = min(0.5f * log2(min(max(longer, (Float8)1.0f), most)), (Float8)float(levels - 1));
+    return longer > 1.0f ? level : (Float8)0.0f;
 }
 
-inline void add_texels(Ints texel, Floats weight, Vecs& sum)
+inline void add_texels(Int8 texel, Float8 weight, Vec3x8& sum)
 {
     sum.x += weight * to_floats(texel & 0xff);
     sum.y += weight * to_floats(texel >> 8 & 0xff);
@@ -43,18 +43,18 @@ inline void add_texels(Ints texel, Floats weight, Vecs& sum)
 }
 
 // Adds the colours of four neighbours: two above, two below. JOINED: these stand beside each other.
-inline void add_quads(const unsigned* texels, const Ints* quad, bool joined, Floats x, Floats y, Floats total,
-                      Vecs& sum)
+inline void add_quads(const unsigned* texels, const Int8* quad, bool joined, Float8 x, Float8 y, Float8 total,
+                      Vec3x8& sum)
 {
     const int* const entries = reinterpret_cast<const int*>(texels);
-    const Floats low = y * total, high = total - low, left = 1.0f - x;
-    Ints found[4];
+    const Float8 low = y * total, high = total - low, left = 1.0f - x;
+    Int8 found[4];
     if (joined) {
         gather_pairs(entries, quad[0], found[0], found[1]);
         gather_pairs(entries, quad[2], found[2], found[3]);
     } else {
         for (int k = 0; k < 4; ++k)
-            found[k] = gather(entries, quad[k]);
+            found[k] = build_shape_list(entries, quad[k]);
     }
     add_texels(found[0], left * high, sum);
     add_texels(found[1], x * high, sum);
@@ -62,145 +62,145 @@ inline void add_quads(const unsigned* texels, const Ints* quad, bool joined, Flo
     add_texels(found[3], x * low, sum);
 }
 
-inline void add_bilinear(const unsigned* texels, const Levels& levels, Ints step, Floats u, Floats v, Floats total,
-                         Vecs& sum)
+inline void add_bilinear(const unsigned* texels, const Levels& levels, Int8 step, Float8 u, Float8 v, Float8 total,
+                         Vec3x8& sum)
 {
-    const Ints width = look_up(levels.width, step), height = look_up(levels.height, step);
-    const Ints start = look_up(levels.start, step);
-    const Floats x = u * to_floats(width) - 0.5f, y = v * to_floats(height) - 0.5f;
-    const Floats whole_x = round_down(x), whole_y = round_down(y);
-    const Ints i = to_whole(whole_x), j = to_whole(whole_y);
-    const Ints first = i < 0, last = i + 1 >= width;
-    const Ints left = first ? width - 1 : i, right = last ? (Ints)0 : i + 1;
-    const Ints rows = (j + 1) * width, over = j < 0;
-    Ints above = rows - width;
-    if (any_of(over))
+    const Int8 width = look_up(levels.width, step), height = look_up(levels.height, step);
+    const Int8 start = look_up(levels.start, step);
+    const Float8 x = u * to_floats(width) - 0.5f, y = v * to_floats(height) - 0.5f;
+    const Float8 whole_x = round_down(x), whole_y = round_down(y);
+    const Int8 i = to_int(whole_x), j = to_int(whole_y);
+    const Int8 first = i < 0, last = i + 1 >= width;
+    const Int8 left = first ? width - 1 : i, right = last ? (Int8)0 : i + 1;
+    const Int8 rows = (j + 1) * width, over = j < 0;
+    Int8 above = rows - width;
+    if (any(over))
         above = over ? (height - 1) * width : above;
     above += start;
-    const Ints below = start + (j + 1 >= height ? (Ints)0 : rows);
-    const Ints quad[4] = { above + left, above + right, below + left, below + right };
-    add_quads(texels, quad, !any_of(first | last), x - whole_x, y - whole_y, total, sum);
+    const Int8 below = start + (j + 1 >= height ? (Int8)0 : rows);
+    const Int8 quad[4] = { above + left, above + right, below + left, below + right };
+    add_quads(texels, quad, !any(first | last), x - whole_x, y - whole_y, total, sum);
 }
 
-inline Vecs sample_levels(const unsigned* texels, const Levels& levels, Floats detail, Floats u, Floats v)
+inline Vec3x8 sample_levels(const unsigned* texels, const Levels& levels, Float8 detail, Float8 u, Float8 v)
 {
-    const Ints step = to_whole(detail);
-    const Floats on = detail - to_floats(step);
+    const Int8 step = to_int(detail);
+    const Float8 on = detail - to_floats(step);
     u = fraction(u);
     v = fraction(v);
-    Vecs sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
+    Vec3x8 sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
     add_bilinear(texels, levels, step, u, v, 1.0f - on, sum);
-    if (any_of(on > 0.0f))
-        add_bilinear(texels, levels, lower(step + 1, (Ints)(levels.count - 1)), u, v, on, sum);
-    return (Floats)(1.0f / 255.0f) * sum;
+    if (any(on > 0.0f))
+        add_bilinear(texels, levels, min(step + 1, (Int8)(levels.count - 1)), u, v, on, sum);
+    return (Float8)(1.0f / 255.0f) * sum;
 }
 
 struct Footprints {
-    Floats u, v, right_u, right_v, down_u, down_v;
+    Float8 u, v, right_u, right_v, down_u, down_v;
 };
 
-inline Vecs sample_2d(const unsigned* texels, const Levels& levels, const Footprints& at)
+inline Vec3x8 sample_2d(const unsigned* texels, const Levels& levels, const Footprints& at)
 {
-    const Floats right_u = at.right_u * levels.columns, right_v = at.right_v * levels.rows;
-    const Floats down_u = at.down_u * levels.columns, down_v = at.down_v * levels.rows;
-    const Floats detail = levels_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
+    const Float8 right_u = at.right_u * levels.columns, right_v = at.right_v * levels.rows;
+    const Float8 down_u = at.down_u * levels.columns, down_v = at.down_v * levels.rows;
+    const Float8 detail = levels_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
                                            levels.count);
     return sample_levels(texels, levels, detail, at.u, at.v);
 }
 
-inline Ints cube_faces(Vecs v)
+inline Int8 cube_faces(Vec3x8 v)
 {
-    const Floats x = magnitude(v.x), y = magnitude(v.y), z = magnitude(v.z), none = 0.0f;
-    const Ints first = (x >= y) & (x >= z), second = y >= z;
-    const Floats along = first ? v.x : second ? v.y : v.z;
-    return (first ? (Ints)0 : second ? (Ints)2 : (Ints)4) + (along < none ? (Ints)1 : (Ints)0);
+    const Float8 x = abs(v.x), y = abs(v.y), z = abs(v.z), none = 0.0f;
+    const Int8 first = (x >= y) & (x >= z), second = y >= z;
+    const Float8 along = first ? v.x : second ? v.y : v.z;
+    return (first ? (Int8)0 : second ? (Int8)2 : (Int8)4) + (along < none ? (Int8)1 : (Int8)0);
 }
 
-inline Vecs to_faces(Ints face, Vecs v)
+inline Vec3x8 to_faces(Int8 face, Vec3x8 v)
 {
-    const Ints first = face < 2, second = face < 4;
-    const Floats turn = (face & 1) != 0 ? (Floats)-1.0f : (Floats)1.0f;
+    const Int8 first = face < 2, second = face < 4;
+    const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
     return { first ? -turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
              turn * (first ? v.x : second ? v.y : v.z) };
 }
 
-inline Vecs from_faces(Ints face, Vecs v)
+inline Vec3x8 from_faces(Int8 face, Vec3x8 v)
 {
-    const Ints first = face < 2, second = face < 4;
-    const Floats turn = (face & 1) != 0 ? (Floats)-1.0f : (Floats)1.0f;
+    const Int8 first = face < 2, second = face < 4;
+    const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
     return { first ? turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
              first ? -turn * v.x : turn * (second ? v.y : v.z) };
 }
 
 // A texel of the face, or of the one that it lies on beyond the edge.
-inline Ints cube_texels(Ints start, Ints size, Ints face, Ints i, Ints j)
+inline Int8 cube_texels(Int8 start, Int8 size, Int8 face, Int8 i, Int8 j)
 {
-    const Ints beyond = (i < 0) | (j < 0) | (i >= size) | (j >= size);
-    const Floats half = 0.5f * to_floats(size), rate = reciprocal(half), one = 1.0f;
-    const Vecs direction =
+    const Int8 beyond = (i < 0) | (j < 0) | (i >= size) | (j >= size);
+    const Float8 half = 0.5f * to_floats(size), rate = rcp(half), one = 1.0f;
+    const Vec3x8 direction =
         from_faces(face, { (to_floats(i) + 0.5f) * rate - 1.0f, (to_floats(j) + 0.5f) * rate - 1.0f, one });
-    const Ints other = cube_faces(direction);
-    const Vecs place = to_faces(other, direction);
-    const Floats outwards = reciprocal(place.z);
-    i = beyond ? to_whole((place.x * outwards + 1.0f) * half) : i;
-    j = beyond ? to_whole((place.y * outwards + 1.0f) * half) : j;
+    const Int8 other = cube_faces(direction);
+    const Vec3x8 place = to_faces(other, direction);
+    const Float8 outwards = rcp(place.z);
+    i = beyond ? to_int((place.x * outwards + 1.0f) * half) : i;
+    j = beyond ? to_int((place.y * outwards + 1.0f) * half) : j;
     face = beyond ? other : face;
-    return start + (face * size + between(j, (Ints)0, size - 1)) * size + between(i, (Ints)0, size - 1);
+    return start + (face * size + clamp(j, (Int8)0, size - 1)) * size + clamp(i, (Int8)0, size - 1);
 }
 
-inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Ints step, Ints face, Floats s, Floats t,
-                              Floats total, Vecs& sum)
+inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Int8 step, Int8 face, Float8 s, Float8 t,
+                              Float8 total, Vec3x8& sum)
 {
-    const Ints size = look_up(levels.width, step), start = look_up(levels.start, step);
-    const Floats x = s * to_floats(size) - 0.5f, y = t * to_floats(size) - 0.5f;
-    const Floats whole_x = round_down(x), whole_y = round_down(y);
-    const Ints i = to_whole(whole_x), j = to_whole(whole_y), corner = start + (face * size + j) * size + i;
-    Ints quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
-    const bool beyond = any_of((i < 0) | (j < 0) | (i + 1 >= size) | (j + 1 >= size));
+    const Int8 size = look_up(levels.width, step), start = look_up(levels.start, step);
+    const Float8 x = s * to_floats(size) - 0.5f, y = t * to_floats(size) - 0.5f;
+    const Float8 whole_x = round_down(x), whole_y = round_down(y);
+    const Int8 i = to_int(whole_x), j = to_int(whole_y), corner = start + (face * size + j) * size + i;
+    Int8 quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
+    const bool beyond = any((i < 0) | (j < 0) | (i + 1 >= size) | (j + 1 >= size));
     if (beyond)
         for (int k = 0; k < 4; ++k)
             quad[k] = cube_texels(start, size, face, i + (k & 1), j + (k >> 1));
     add_quads(texels, quad, !beyond, x - whole_x, y - whole_y, total, sum);
 }
 
-static WARPCAM_COLD void sample_cubes(const unsigned* texels, const Levels& levels, const Vecs& direction,
-                                      const Vecs& right, const Vecs& down, Vecs& color)
+static WARPCAM_NOINLINE void sample_cubes(const unsigned* texels, const Levels& levels, const Vec3x8& direction,
+                                      const Vec3x8& right, const Vec3x8& down, Vec3x8& color)
 {
-    const Ints face = cube_faces(direction);
-    const Vecs place = to_faces(face, direction), to_right = to_faces(face, right), to_below = to_faces(face, down);
-    const Floats rate = reciprocal(upper(place.z, (Floats)1.0e-20f)), scale = 0.5f * levels.columns * rate;
-    const Floats x = place.x * rate, y = place.y * rate;
-    const Floats right_x = scale * (to_right.x - x * to_right.z), right_y = scale * (to_right.y - y * to_right.z);
-    const Floats down_x = scale * (to_below.x - x * to_below.z), down_y = scale * (to_below.y - y * to_below.z);
-    const Floats detail = levels_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
+    const Int8 face = cube_faces(direction);
+    const Vec3x8 place = to_faces(face, direction), to_right = to_faces(face, right), to_below = to_faces(face, down);
+    const Float8 rate = rcp(max(place.z, (Float8)1.0e-20f)), scale = 0.5f * levels.columns * rate;
+    const Float8 x = place.x * rate, y = place.y * rate;
+    const Float8 right_x = scale * (to_right.x - x * to_right.z), right_y = scale * (to_right.y - y * to_right.z);
+    const Float8 down_x = scale * (to_below.x - x * to_below.z), down_y = scale * (to_below.y - y * to_below.z);
+    const Float8 detail = levels_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                            levels.count);
-    const Floats s = saturated(0.5f * x + 0.5f), t = saturated(0.5f * y + 0.5f);
-    const Ints step = to_whole(detail);
-    const Floats on = detail - to_floats(step);
-    Vecs sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
+    const Float8 s = saturate(0.5f * x + 0.5f), t = saturate(0.5f * y + 0.5f);
+    const Int8 step = to_int(detail);
+    const Float8 on = detail - to_floats(step);
+    Vec3x8 sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
     add_bilinear_cube(texels, levels, step, face, s, t, 1.0f - on, sum);
-    if (any_of(on > 0.0f))
-        add_bilinear_cube(texels, levels, lower(step + 1, (Ints)(levels.count - 1)), face, s, t, on, sum);
-    color = (Floats)(1.0f / 255.0f) * sum;
+    if (any(on > 0.0f))
+        add_bilinear_cube(texels, levels, min(step + 1, (Int8)(levels.count - 1)), face, s, t, on, sum);
+    color = (Float8)(1.0f / 255.0f) * sum;
 }
 
-inline Vecs slide(Vecs step, Vecs ray, Vecs normal)
+inline Vec3x8 slide(Vec3x8 step, Vec3x8 ray, Vec3x8 normal)
 {
-    const Floats slope = dot(normal, ray);
-    const Ints grazes = slope * slope < 1.0e-24f * dot(ray, ray);
-    const Floats part = dot(normal, step) * reciprocal(grazes ? (Floats)1.0f : slope);
-    return chosen(grazes, (Floats)1.0e6f * step, step - part * ray);
+    const Float8 slope = dot(normal, ray);
+    const Int8 grazes = slope * slope < 1.0e-24f * dot(ray, ray);
+    const Float8 part = dot(normal, step) * rcp(grazes ? (Float8)1.0f : slope);
+    return select(grazes, (Float8)1.0e6f * step, step - part * ray);
 }
 
 // One hit at a time.
 template <int TYPES, class Meshes>
-static WARPCAM_COLD void other_footprints(const Pose& pose, const Layout& layout, const Meshes& meshes,
-                                          const Surfaces& surface, const Vecs& ray, const Vecs& right, const Vecs& down,
+static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
+                                          const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
                                           Footprints& at)
 {
-    for (int k = 0; k < PACKET; ++k) {
-        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, surface.one(k), one_of(ray, k),
-                                                  one_of(right, k), one_of(down, k));
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
+                                                  get_lane(right, k), get_lane(down, k));
         at.u[k] = one.u;
         at.v[k] = one.v;
         at.right_u[k] = one.right.x;
@@ -212,24 +212,24 @@ static WARPCAM_COLD void other_footprints(const Pose& pose, const Layout& layout
 
 // Laid along the x axis where `first`, along z where not `upright`, else along y; `right` and `down` are steps of the
 // hits.
-inline void footprints_along(Ints first, Ints upright, const Layout& layout, const Vecs& local, const Vecs& right,
-                             const Vecs& down, Footprints& at)
+inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layout, const Vec3x8& local, const Vec3x8& right,
+                             const Vec3x8& down, Footprints& at)
 {
     const float rate_u = layout.repeat[0], rate_v = -layout.repeat[1];
-    const auto along_u = [&](const Vecs& v) { return rate_u * (first ? v.y : v.x); };
-    const auto along_v = [&](const Vecs& v) { return rate_v * (upright ? v.z : v.y); };
+    const auto along_u = [&](const Vec3x8& v) { return rate_u * (first ? v.y : v.x); };
+    const auto along_v = [&](const Vec3x8& v) { return rate_v * (upright ? v.z : v.y); };
     at = { along_u(local), 1.0f + along_v(local), along_u(right), along_v(right), along_u(down), along_v(down) };
 }
 
 template <int TYPES, class Meshes>
-inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& meshes, const Surfaces& surface,
-                          const Vecs& ray, const Vecs& right, const Vecs& down, Footprints& at)
+inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction8& surface,
+                          const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down, Footprints& at)
 {
     constexpr int OTHERS = TYPES & ~(1 << PLANE | 1 << HEIGHT_FIELD);
     if constexpr ((TYPES >> PLANE & 1) != 0) {
         if (pose.type() == PLANE) {
             const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
-            const Floats slope = reciprocal(ray.z), rise_right = right.z * slope, rise_down = down.z * slope;
+            const Float8 slope = rcp(ray.z), rise_right = right.z * slope, rise_down = down.z * slope;
             at = { surface.local.x * rate_u + layout.start[0],
                    surface.local.y * rate_v + layout.start[1],
                    rate_u * (right.x - rise_right * ray.x),
@@ -241,9 +241,9 @@ inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& 
     }
     if constexpr ((TYPES >> PROJECTED & 1) != 0) {
         if (!((TYPES >> MESH & 1) && pose.type() == MESH)) {
-            const Vecs normal = surface.normal;
-            const Floats x = magnitude(normal.x), y = magnitude(normal.y), z = magnitude(normal.z);
-            const Ints first = (x >= y) & (x >= z);
+            const Vec3x8 normal = surface.normal;
+            const Float8 x = abs(normal.x), y = abs(normal.y), z = abs(normal.z);
+            const Int8 first = (x >= y) & (x >= z);
             footprints_along(first, first | (y >= z), layout, surface.local, slide(right, ray, normal),
                              slide(down, ray, normal), at);
             return;
@@ -251,9 +251,9 @@ inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& 
     }
     if constexpr (!(TYPES >> PROJECTED & 1) && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
         if (pose.type() == HEIGHT_FIELD || (pose.type() == MESH && !layout.own)) {  // laid on from above
-            const float rate_u = layout.repeat[0] * 0.5f * reciprocal(upper(layout.extent.x, 1.0e-12f));
-            const float rate_v = layout.repeat[1] * -0.5f * reciprocal(upper(layout.extent.y, 1.0e-12f));
-            const Vecs to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
+            const float rate_u = layout.repeat[0] * 0.5f * rcp(max(layout.extent.x, 1.0e-12f));
+            const float rate_v = layout.repeat[1] * -0.5f * rcp(max(layout.extent.y, 1.0e-12f));
+            const Vec3x8 to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
             at = { rate_u * surface.local.x - 0.5f, rate_v * surface.local.y - 0.5f, rate_u * to_right.x,
                    rate_v * to_right.y, rate_u * to_below.x, rate_v * to_below.y };
             return;
@@ -264,49 +264,49 @@ inline void footprints_2d(const Pose& pose, const Layout& layout, const Meshes& 
 }
 
 template <int TYPES>
-inline Vecs cube_directions(const Pose& pose, const Layout& layout, const Surfaces& surface, Vecs& scale)
+inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction8& surface, Vec3x8& scale)
 {
     const int type = pose.type();
-    const Vec half = to_vec(layout.extent);
-    Vecs place = surface.local;
-    Vec rates { 1.0f, 1.0f, 1.0f };
+    const Vec3 half = as_vec3(layout.extent);
+    Vec3x8 place = surface.local;
+    Vec3 rates { 1.0f, 1.0f, 1.0f };
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
-        rates = { reciprocal(half.x), reciprocal(half.y), reciprocal(half.z) };
-    scale = eight_of(rates);
+        rates = { rcp(half.x), rcp(half.y), rcp(half.z) };
+    scale = broadcast(rates);
     if ((TYPES >> CAPSULE & 1) && type == CAPSULE) {
-        const Ints side = surface.part == int(SIDE);
+        const Int8 side = surface.part == int(SIDE);
         scale.z = side ? scale.z : scale.x;
         scale.y = side ? scale.y : scale.x;
-        const Floats aside = half.x - half.z;
-        place.z += side ? (Floats)0.0f : surface.part == int(BOTTOM) ? -aside : aside;
+        const Float8 aside = half.x - half.z;
+        place.z += side ? (Float8)0.0f : surface.part == int(BOTTOM) ? -aside : aside;
     }
     if (layout.extent.w)
-        scale = times(scale, eight_of(half));
-    return times(place, scale);
+        scale = mul(scale, broadcast(half));
+    return mul(place, scale);
 }
 
 // The texture's colours at packets of hits. `steps(n, right, down)` says how far it is to what the next pixels show.
-template <int TYPES, class Looks, class Meshes, class Textures, class Steps>
-WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels, const Meshes& meshes,
-                                         const Textures& textures, const Steps& steps, const Surfaces* surfaces,
-                                         const Vecs* rays, int packets, Vecs* colors)
+template <int TYPES, class Appearances, class Meshes, class Textures, class Steps>
+WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const Levels& levels, const Meshes& meshes,
+                                         const Textures& textures, const Steps& steps, const SurfaceInteraction8* surfaces,
+                                         const Vec3x8* rays, int packets, Vec3x8* colors)
 {
-    const Layout& layout = look.layout;
-    const Pose& pose = look.pose;
+    const TextureLayout& layout = look.layout;
+    const ShapeFromCamera& pose = look.pose;
     for (int n = 0; n < packets; ++n) {
-        const Vecs ray = rays[n];
-        Vecs right, down;
+        const Vec3x8 ray = rays[n];
+        Vec3x8 right, down;
         steps(n, right, down);
         if (layout.cube) {
-            Vecs scale;
-            const Vecs direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
-            sample_cubes(textures.texels.data, levels, direction, times(scale, slide(right, ray, surfaces[n].normal)),
-                         times(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
+            Vec3x8 scale;
+            const Vec3x8 direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
+            sample_cubes(textures.texels.data, levels, direction, mul(scale, slide(right, ray, surfaces[n].normal)),
+                         mul(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
             continue;
         }
         Footprints at;
         const auto sampled = [&] {
-            if constexpr (Looks::SHIFTED) {
+            if constexpr (Appearances::SHIFTED) {
                 at.u += look.shift_u;
                 at.v += look.shift_v;
             }
@@ -314,16 +314,16 @@ WARPCAM_APART inline void texture_colors(const Looks& look, const Levels& levels
         };
         if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
             if (is_blended<TYPES>(pose, layout)) {
-                const Vecs along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
-                Vecs share, sum { (Floats)0.0f, (Floats)0.0f, (Floats)0.0f };
-                for (int k = 0; k < PACKET; ++k) {
-                    const Vec one = shares_of(smooth_normal<TYPES>(pose, meshes, surfaces[n].one(k)));
+                const Vec3x8 along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
+                Vec3x8 share, sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
+                for (int k = 0; k < SIMD_WIDTH; ++k) {
+                    const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, get_lane(surfaces[n], k)));
                     share.x[k] = one.x;
                     share.y[k] = one.y;
                     share.z[k] = one.z;
                 }
                 for (int axis = 0; axis < 3; ++axis) {
-                    footprints_along((Ints)(axis == 0 ? -1 : 0), (Ints)(axis == 2 ? 0 : -1), layout, surfaces[n].local,
+                    footprints_along((Int8)(axis == 0 ? -1 : 0), (Int8)(axis == 2 ? 0 : -1), layout, surfaces[n].local,
                                      along, below, at);
                     sum = sum + (axis == 0 ? share.x : axis == 1 ? share.y : share.z) * sampled();
                 }

@@ -1,31 +1,31 @@
-// What worlds may have each for itself beside the tables of shapes, materials and lights: where textures begin, what is
-// behind everything, how the camera exposes. Only scenes and cameras that ask for it have any of this.
+// Per-world values beside the tables of shapes, materials and lights: texture offsets, background, exposure. Only
+// scenes and cameras that ask for them have any.
 #pragma once
 #include "shading/appearance.h"
 
 namespace warpcam {
 
-template <class Textures> WARPCAM_FN bool is_cube(const Textures& textures, int texture)
+template <class Textures> WARPCAM_DEVICE bool is_cube(const Textures& textures, int texture)
 {
     return is_texture(textures, texture) && wp::index(textures.kind, texture) == TEXTURE_CUBE;
 }
 
 // Facts of a scene and of a camera, beside those of shading/appearance.h. Values of variety.py.
 enum VarietyFact {
-    BACKDROPS = 1 << 21,   // worlds have a background or a skybox of their own
+    PER_WORLD_BACKGROUND = 1 << 21,   // worlds have a background or a skybox of their own
     HEADLIGHTS = 1 << 22,  // worlds have a headlight of their own
-    EXPOSED = 1 << 23      // the camera has an exposure
+    HAS_EXPOSURE = 1 << 23      // the camera has an exposure
 };
 
-// What is behind everything in one world, as Background of types.py has it for all.
+// Background of one world, in place of types.py's Background of all.
 struct Backdrop {
     wp::vec3 color;
     int skybox;
 };
 
-template <int FACTS, class Scene_> WARPCAM_FN decltype(auto) background_of(const Scene_& scene, int world)
+template <int FACTS, class Scene_> WARPCAM_DEVICE decltype(auto) background_of(const Scene_& scene, int world)
 {
-    if constexpr ((FACTS & BACKDROPS) != 0) {
+    if constexpr ((FACTS & PER_WORLD_BACKGROUND) != 0) {
         const auto& variety = scene.frame.variety;
         const int skybox = wp::index(variety.skyboxes, remainder(world, variety.skyboxes.shape[0]));
         return Backdrop { wp::index(variety.backgrounds, remainder(world, variety.backgrounds.shape[0])),
@@ -38,76 +38,76 @@ template <int FACTS, class Scene_> WARPCAM_FN decltype(auto) background_of(const
 // Distance of the skybox, as a part of how far MuJoCo's camera sees: SKYBOX of sources/mujoco/layers.py.
 constexpr float SKY_DISTANCE = 0.7f;
 
-// Where a ray ends that begins at `start`, counted from the eye, and runs along `ray`: on the skybox, see
-// shading/haze.h. For lenses whose rays are parallel: they see it as wide as they are.
-template <class Number, class Vector> WARPCAM_FN Vector place_on_sky(Vector start, Vector ray, Number radius)
+// Point of the skybox that a ray along `ray` reaches from `start`, relative to the eye: see shading/haze.h. For lenses
+// with parallel rays, which see the skybox at its own width.
+template <class Number, class Vector> WARPCAM_DEVICE Vector place_on_sky(Vector start, Vector ray, Number radius)
 {
     const Number none = 0.0f, least = 1.0e-18f;
     const Number along = start.x * ray.x + start.y * ray.y, square = ray.x * ray.x + ray.y * ray.y;
-    const Number rest = upper(radius * radius - start.x * start.x - start.y * start.y, none);
-    const Number aside = rest / upper(along + root(along * along + square * rest), least);
-    const Number upright = upper((radius - (ray.z < 0.0f ? -start.z : start.z)) / upper(magnitude(ray.z), least), none);
-    return start + lower(aside, upright) * ray;
+    const Number rest = max(radius * radius - start.x * start.x - start.y * start.y, none);
+    const Number aside = rest / max(along + sqrt(along * along + square * rest), least);
+    const Number upright = max((radius - (ray.z < 0.0f ? -start.z : start.z)) / max(abs(ray.z), least), none);
+    return start + min(aside, upright) * ray;
 }
 
 // Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z. `horizon`: see
 // shading/plane_grid.h; 0: the skybox is too far away to tell where rays begin.
 template <int LENS, int FACTS, class Textures, class Background>
-WARPCAM_FN Vec background_color(const Textures& textures, const Background& background, const Camera& camera,
+WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background& background, const Camera& camera,
                                 float horizon, float x, float y)
 {
     const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
     if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-        const Vec none { 0.0f, 0.0f, 0.0f };
+        const Vec3 none { 0.0f, 0.0f, 0.0f };
         const bool flat = LENS == ORTHOGRAPHIC && !(horizon > 0.0f);
-        Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
-        Vec right = flat ? none : turned(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
-        Vec down = flat ? none : turned(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
+        Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
+        Vec3 right = flat ? none : transform(camera.rotation, step_right<LENS>(camera, x, y, 1.0f));
+        Vec3 down = flat ? none : transform(camera.rotation, step_down<LENS>(camera, x, y, 1.0f));
         if (LENS == ORTHOGRAPHIC && !flat)
-            ray = place_on_sky(turned(camera.rotation, { x, y, 0.0f }), ray, SKY_DISTANCE * horizon);
-        if constexpr (LENS == SPREAD) {  // it is too far away to tell where they begin
-            right = turned(camera.rotation, ViewRay<LENS> { x, y }.across().direction);
-            down = turned(camera.rotation, ViewRay<LENS> { x, y }.down().direction);
+            ray = place_on_sky(transform(camera.rotation, { x, y, 0.0f }), ray, SKY_DISTANCE * horizon);
+        if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {  // it is too far away to tell where they begin
+            right = transform(camera.rotation, CameraRay<LENS> { x, y }.across().direction);
+            down = transform(camera.rotation, CameraRay<LENS> { x, y }.down().direction);
         }
         return sample_cube(textures.texels.data, image, { ray.x, ray.z, -ray.y }, { right.x, right.z, -right.y },
                            { down.x, down.z, -down.y });
     }
-    return to_vec(background.color);
+    return as_vec3(background.color);
 }
 
-// Where the headlight's colours begin.
-template <int FACTS> WARPCAM_FN int headlight_of(int world) { return FACTS & HEADLIGHTS ? 3 * (world + 1) : 0; }
+// Index of the headlight's first colour.
+template <int FACTS> WARPCAM_DEVICE int headlight_of(int world) { return FACTS & HEADLIGHTS ? 3 * (world + 1) : 0; }
 
 // Moves a shape's texture, in images; not a cube's.
-template <class Looks, class Scene_> WARPCAM_FN void load_shift(Looks& look, const Scene_& scene, int world, int id)
+template <class Appearances, class Scene_> WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world, int id)
 {
-    if constexpr (Looks::SHIFTED) {
+    if constexpr (Appearances::SHIFTED) {
         const int index = material_of(scene.shapes, scene.materials, world, id);
         look.shift_u = look.shift_v = 0.0f;
         if (index >= 0) {
-            const auto offset = row_of(scene.frame.variety.texture_offsets, world, index);
+            const auto offset = per_world(scene.frame.variety.texture_offsets, world, index);
             look.shift_u = offset[0];
             look.shift_v = offset[1];
         }
     }
 }
 
-// What the camera makes of light.
-template <int FACTS, class Scene_> WARPCAM_FN Vec exposed(const Scene_& scene, int world, Vec light)
+// Applies the camera's exposure to light.
+template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& scene, int world, Vec3 light)
 {
-    if constexpr ((FACTS & EXPOSED) != 0) {
+    if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
         const auto& variety = scene.frame.variety;
-        return power(2.0f, wp::index(variety.exposures, world)) * times(to_vec(wp::index(variety.gains, world)), light);
+        return pow(2.0f, wp::index(variety.exposures, world)) * mul(as_vec3(wp::index(variety.gains, world)), light);
     }
     return light;
 }
 
-// The same of a surface; what a display has of a physically based one follows from its light.
-template <int FACTS, class Scene_> WARPCAM_FN void expose(const Scene_& scene, int world, Vec& linear, Vec& display)
+// Applies the exposure to a surface; the display colour of a physically based surface follows from its light.
+template <int FACTS, class Scene_> WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& display)
 {
-    if constexpr ((FACTS & EXPOSED) != 0) {
+    if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
         linear = exposed<FACTS>(scene, world, linear);
-        display = FACTS & PHYSICAL ? encoded(linear) : exposed<FACTS>(scene, world, display);
+        display = FACTS & PHYSICAL ? linear_to_srgb(linear) : exposed<FACTS>(scene, world, display);
     }
 }
 

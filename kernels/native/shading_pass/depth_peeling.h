@@ -8,12 +8,12 @@
 namespace warpcam {
 
 constexpr int MAX_PEELS = 16;              // surfaces that one ray can be seen through
-constexpr float HARDLY = 1.0f / 1024.0f;  // of what lies behind: too little to look for more
+constexpr float MIN_TRANSMITTANCE = 1.0f / 1024.0f;  // of what lies behind: too little to look for more
 constexpr float NEXT = 1.00001f;            // depth of the next surface of a mesh, at the least, by that of the last
 
-// What has been met: its light, and the share of that behind it which is still seen.
-struct Peeled {
-    Vec light;
+// Accumulated light of the layers so far, and the transmittance to what lies behind.
+struct Composite {
+    Vec3 light;
     float left;
 };
 
@@ -21,19 +21,19 @@ struct Peeled {
 // the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Paint_>
-WARPCAM_FN void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
-                     int row, const Paint_& paint, Peeled& peeled)
+WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
+                     int row, const Paint_& paint, Composite& peeled)
 {
     float from = near;
 #pragma unroll 1
     for (int sheet = 0; sheet < MAX_PEELS; ++sheet) {
         Hit hit { limit, -1, -1 };
 #if defined(__CUDA_ARCH__)
-        for (int begin = 0; begin < veils.count; begin += LANES) {
-            const int mine = begin + threadIdx.x % LANES;
+        for (int begin = 0; begin < veils.count; begin += WARP_SIZE) {
+            const int mine = begin + threadIdx.x % WARP_SIZE;
             const bool touched = mine < veils.count && touches(veils.touched[mine], column, row);
-            for (unsigned mask = __ballot_sync(ALL, touched); mask; mask &= mask - 1)
-                meet_veil<TYPES>(veils.records[begin + lowest_bit(mask)], ray, from, scene.meshes, scene.fields, hit);
+            for (unsigned mask = __ballot_sync(FULL_WARP, touched); mask; mask &= mask - 1)
+                meet_veil<TYPES>(veils.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields, hit);
         }
 #else
         for (int slot = 0; slot < veils.count; ++slot)
@@ -41,9 +41,9 @@ WARPCAM_FN void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray,
                 meet_veil<TYPES>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
 #endif
         const bool met = hit.shape >= 0;
-        if (!any_lane(met))
+        if (!warp_any(met))
             break;
-        Vec light { 0.0f, 0.0f, 0.0f };
+        Vec3 light { 0.0f, 0.0f, 0.0f };
         const float opacity = paint(met, hit, light);
         if (met) {
             peeled.light = peeled.light + (peeled.left * opacity) * light;
@@ -55,31 +55,31 @@ WARPCAM_FN void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray,
             if (type == MESH || type == HEIGHT_FIELD)  // not once more on the other side of an edge
                 from *= NEXT;
         }
-        limit = met && peeled.left > HARDLY ? limit : -1.0f;
+        limit = met && peeled.left > MIN_TRANSMITTANCE ? limit : -1.0f;
     }
 }
 
-// Where a hit lies on the 2-D textures of its shape.
-template <int TYPES, int LENS, class Looks, class Scene_>
-WARPCAM_FN Footprint footprint_at(const Looks& look, const Scene_& scene, const Camera& camera, float x, float y,
+// Texture coordinates of a hit on its shape's 2-D textures.
+template <int TYPES, int LENS, class Appearances, class Scene_>
+WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
                                   const Hit& hit)
 {
-    const Pose& pose = look.pose;
-    const Vec ray = pose.local(ViewRay<LENS> { x, y }.direction());
-    Vec local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
-    if constexpr (LENS == SPREAD)
-        local = local + pose.local(ViewRay<LENS> { x, y }.beam().start);
-    const Surface surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
-    const Vec right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
-    const Vec down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
+    const ShapeFromCamera& pose = look.pose;
+    const Vec3 ray = pose.local(CameraRay<LENS> { x, y }.direction());
+    Vec3 local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        local = local + pose.local(CameraRay<LENS> { x, y }.beam().start);
+    const SurfaceInteraction surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
+    const Vec3 right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
+    const Vec3 down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
     Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
     return at;
 }
 
-// What the map of a mesh's opacity says where a ray meets it; 1 where there is none.
-template <int TYPES, int LENS, class Looks, class Scene_>
-WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Camera& camera, int world, float x,
+// Opacity from a mesh's opacity map at a hit; 1 without a map.
+template <int TYPES, int LENS, class Appearances, class Scene_>
+WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene, const Camera& camera, int world, float x,
                                 float y, const Hit& hit)
 {
     const int material = material_of(scene.shapes, scene.materials, world, hit.shape);
@@ -92,8 +92,8 @@ WARPCAM_FN float mapped_opacity(const Looks& look, const Scene_& scene, const Ca
 }
 
 // The alpha of its texture there; 1 where there is none.
-template <int TYPES, int LENS, class Looks, class Scene_>
-WARPCAM_FN float texture_alpha(const Looks& look, const Scene_& scene, const Camera& camera, float x, float y,
+template <int TYPES, int LENS, class Appearances, class Scene_>
+WARPCAM_DEVICE float texture_alpha(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
                                const Hit& hit)
 {
     if (look.layout.image.levels <= 0 || look.layout.cube)

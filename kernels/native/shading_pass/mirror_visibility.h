@@ -1,6 +1,6 @@
-// What is seen in mirrors: the trace of a view from behind the mirror, for the pixels that show it.
+// Visibility in mirrors: traces a view from behind the mirror, for the pixels that show it.
 //
-// The mirrored view has left and right exchanged; images are written as the view itself has them.
+// The mirrored view has left and right exchanged; images are written in the orientation of the view itself.
 #pragma once
 #include "camera/mirror_plane.h"
 #include "traversal/visibility.h"
@@ -11,7 +11,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
-    static constexpr int THREES = 0, TALL = 1, part = 0, parts = 1;
+    static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, part = 0, parts = 1;
 
     const Target& target;
     const Camera& camera;
@@ -20,37 +20,37 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     MirrorPlane plane;
     int mirror;  // its shape
 
-    WARPCAM_FN bool inside(int i, int j) const { return i < target.width && j < target.height; }
+    WARPCAM_DEVICE bool inside(int i, int j) const { return i < target.width && j < target.height; }
 
-    WARPCAM_FN unsigned at(int i, int j) const
+    WARPCAM_DEVICE unsigned at(int i, int j) const
     {
         return (unsigned(world) * target.height + j) * target.width + (target.width - 1 - i);
     }
 
-    WARPCAM_FN ClippedRay<LENS> ray(int i, int j) const
+    WARPCAM_DEVICE ClippedRay<LENS> ray(int i, int j) const
     {
-        const ViewRay<LENS> seen = view_ray<LENS>(camera, i, j);
+        const CameraRay<LENS> seen = view_ray<LENS>(camera, i, j);
         return { seen, plane.depth(seen) };
     }
 
-    // Is the mirror seen here?
-    WARPCAM_FN bool shows(int i, int j) const
+    // True if the mirror is visible at a pixel.
+    WARPCAM_DEVICE bool shows(int i, int j) const
     {
         if (!inside(i, j) || target.seen_shape.data[at(i, j)] != mirror)
             return false;
         const float depth = plane.depth(ray(i, j));
-        return magnitude(target.seen_depth.data[at(i, j)] - depth) <= ON_MIRROR * depth;
+        return abs(target.seen_depth.data[at(i, j)] - depth) <= ON_MIRROR * depth;
     }
 
-    WARPCAM_FN Hit start(int i, int j, bool first_pass) const
+    WARPCAM_DEVICE Hit start(int i, int j, bool first_pass) const
     {
         Hit hit { shows(i, j) ? camera.far : -1.0f, -1, -1 };
         if (!first_pass && hit.depth > 0.0f && target.shape.data[at(i, j)] >= 0)
-            hit.depth = just_beyond(target.depth.data[at(i, j)]);
+            hit.depth = next_float(target.depth.data[at(i, j)]);
         return hit;
     }
 
-    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass) const
+    WARPCAM_DEVICE void write_hit(int i, int j, const Hit& hit, bool first_pass) const
     {
         if (!inside(i, j) || !(first_pass || hit.shape >= 0))
             return;
@@ -61,37 +61,37 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
     }
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
-    static constexpr int WIDE = 1;
-    WARPCAM_FN void begin(int) const { }
-    WARPCAM_FN void face(int, int) const { }
-    WARPCAM_FN void ready() const { }
-    template <class List> WARPCAM_FN void note(List&, int, int) const { }
+    static constexpr int TILE_COLUMNS_PER_WARP = 1;
+    WARPCAM_DEVICE void begin(int) const { }
+    WARPCAM_DEVICE void face(int, int) const { }
+    WARPCAM_DEVICE void ready() const { }
+    template <class List> WARPCAM_DEVICE void note(List&, int, int) const { }
 
-    WARPCAM_FN bool put_floor(int, int, const Hit (&)[1], int) const { return false; }
-    WARPCAM_FN void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass,
+    WARPCAM_DEVICE bool write_seen_plane(int, int, const Hit (&)[1], int) const { return false; }
+    WARPCAM_DEVICE void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass,
                               float*) const
     {
-        put_new(i, j, hits[0], first_pass);
+        write_hit(i, j, hits[0], first_pass);
     }
 };
 
-// Is the shape a plane with its back to `eye`? MuJoCo's renderer then has it seen through wherever it stands, in
-// mirrors too: it is among the veils.
-template <int TYPES, class Shapes> WARPCAM_FN bool turned_away(const Shapes& shapes, Vec eye, int world, int id)
+// True if the shape is a plane with its back to `eye`. MuJoCo's renderer draws such a plane transparent, in mirrors
+// too: it counts as a transparent shape.
+template <int TYPES, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes& shapes, Vec3 eye, int world, int id)
 {
     if constexpr ((TYPES >> PLANE & 1) != 0)
         if (wp::index(shapes.types, id) == PLANE) {
             const auto r = wp::index(shapes.rotations, world, id);
-            const Vec away = eye - to_vec(wp::index(shapes.positions, world, id));
+            const Vec3 away = eye - as_vec3(wp::index(shapes.positions, world, id));
             return r.data[0][2] * away.x + r.data[1][2] * away.y + r.data[2][2] * away.z < 0.0f;
         }
     return false;
 }
 
 // The index runs as in draw().
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, bool FACES, class Shapes,
+template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, bool FACES, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                               const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     WARPCAM_SHARED ShapeList<CAPACITY> list;
@@ -108,16 +108,16 @@ WARPCAM_FN void draw_mirrored(const Shapes& shapes, const Materials& materials, 
         camera = load_camera(wp::index(views, world));
         begin_list(list);
     }
-    block_barrier();
+    block_sync();
     const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target,        camera,          region,
                                                             world, plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
-    const Vec eye = to_vec(mirror.eye);
+    const Vec3 eye = as_vec3(mirror.eye);
     const auto hidden = [&](int id) {
         return id == itself || !solid(shapes, materials, target.veil_places, world, id)
             || turned_away<TYPES>(shapes, eye, world, id);
     };
-    draw_region<TYPES, LENS, false, SEVERAL>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
+    draw_region<TYPES, LENS, false, MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }
 
 }  // namespace warpcam

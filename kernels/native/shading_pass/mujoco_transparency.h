@@ -18,53 +18,53 @@ constexpr float AS_FAR = 1.000001f;     // of the depth of what is solid: what l
 constexpr float PLANES_LAST = 1.0e10f;  // the distance by which planes are sorted [m]
 
 // Transparent shapes of a region.
-template <int CAPACITY> struct Veils {
-    Record records[CAPACITY];
+template <int CAPACITY> struct TransparentShapes {
+    ShapeRecord records[CAPACITY];
     float distance[CAPACITY];  // by slot
     float opacity[CAPACITY];   // by slot
     int ids[CAPACITY];         // by slot
-    TileBox touched[CAPACITY];  // by slot
+    TileRect touched[CAPACITY];  // by slot
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
 };
 
 // Radius of a sphere around a shape that holds it, for shapes that are not geoms.
-WARPCAM_FN float reach_of(const Shape& shape)
+WARPCAM_DEVICE float reach_of(const Shape& shape)
 {
-    const Vec s = shape.size;
+    const Vec3 s = shape.size;
     if (shape.type == SPHERE)
         return s.x;
     if (shape.type == CAPSULE)
         return s.x + s.y;
     if (shape.type == CYLINDER)
-        return root(s.x * s.x + s.y * s.y);
-    return shape.type == ELLIPSOID ? upper(upper(s.x, s.y), s.z) : root(dot(s, s));
+        return sqrt(s.x * s.x + s.y * s.y);
+    return shape.type == ELLIPSOID ? max(max(s.x, s.y), s.z) : sqrt(dot(s, s));
 }
 
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
 // does not show itself. BACKS: planes are seen from behind.
 template <int TYPES, int LENS, bool BACKS, int CAPACITY, class Scene_>
-WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const Camera& camera, const Region& region,
-                             Vec eye, int mirror, int world, int thread)
+WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera, const Region& region,
+                             Vec3 eye, int mirror, int world, int thread)
 {
     const auto& shapes = scene.shapes;
-    const bool blind = !(magnitude(camera.origin.x) < FAR_AWAY);
+    const bool blind = !(abs(camera.origin.x) < MISS);
     if (thread == 0)
         list.count = 0;
-    block_barrier();
+    block_sync();
     for (int i = thread; i < scene.frame.veils.shape[0] && !blind; i += THREADS) {
         const int id = wp::index(scene.frame.veils, i);
         float alpha = opacity(shapes, scene.materials, world, id);
         Shape shape = load_shape(shapes, world, id);
-        const Vec away = eye - shape.position;
-        const Matrix& r = shape.rotation;
+        const Vec3 away = eye - shape.position;
+        const Mat3& r = shape.rotation;
         const bool plane = (TYPES >> PLANE & 1) && shape.type == PLANE;
         const bool behind = BACKS && plane
             && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
         if (alpha == 0.0f || id == mirror)
             continue;
         bool mapped = false;
-        if constexpr ((TYPES >> MASKED & 1) != 0)
+        if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
             mapped = has_opacity_map(scene.shapes, scene.materials, world, id);
         if (alpha >= SOLID && !behind && !mapped)
             continue;
@@ -74,20 +74,20 @@ WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const C
                 for (int axis = 1; axis < 3; ++axis)
                     shape.rotation.at[k][axis] = -shape.rotation.at[k][axis];
         }
-        Record record;
-        TileBox tiles;
-        if (prepare<TYPES, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
+        ShapeRecord record;
+        TileRect tiles;
+        if (setup_shape<TYPES, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
             continue;
-        const int slot = claimed(list.count);
+        const int slot = atomic_append(list.count);
         list.records[slot] = record;
         const float reach = wp::index(scene.frame.reach, id);
         list.distance[slot]
-            = plane ? PLANES_LAST : root(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
+            = plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
         list.opacity[slot] = alpha;
         list.ids[slot] = id;
         list.touched[slot] = tiles;
     }
-    block_barrier();
+    block_sync();
     for (int i = thread; i < list.count; i += THREADS) {
         int rank = 0;
         for (int j = 0; j < list.count; ++j)
@@ -95,13 +95,13 @@ WARPCAM_FN void gather_veils(Veils<CAPACITY>& list, const Scene_& scene, const C
                 || (list.distance[j] == list.distance[i] && list.ids[j] < list.ids[i]);
         list.order[rank] = static_cast<unsigned char>(i);
     }
-    block_barrier();
+    block_sync();
 }
 
 #if defined(__CUDA_ARCH__)
 // Nearest front face of one mesh between `near` and the hit's depth, for one lane.
 template <int TYPES, class Meshes, class RayOf>
-WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& source, float near, Hit& hit)
+WARPCAM_DEVICE void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const RayOf& source, float near, Hit& hit)
 {
     const Ray ray = source.local(record);
     const RayFrame frame = source.template frame<TYPES>(record);
@@ -112,9 +112,9 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
     int stack[STACK], height = 0, node = 0;
     while (node != NO_NODE) {
         if (node >= 0) {
-            float enter[4], leave[4], best = FAR_AWAY;
+            float enter[4], leave[4], best = MISS;
             int child[4];
-            boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, hit.depth, enter, leave, child);
+            boxes.test(node_rows<TYPES>(meshes, nodes, node), near, hit.depth, enter, leave, child);
             node = NO_NODE;
 #pragma unroll
             for (int k = 0; k < 4; ++k)
@@ -129,8 +129,8 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
             const int code = -node - 1, first = code >> 4, end = first + (code & 15);
             for (int f = first; f < end; ++f) {
                 const unsigned at = faces + unsigned(f * FACE_ROWS);
-                const Row a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
-                const Row c = load(meshes.faces.data, at + 2);
+                const Float3Int a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
+                const Float3Int c = load(meshes.faces.data, at + 2);
                 const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                                project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
                 if (t < hit.depth && t > near && is_not_cut<TYPES>(meshes, record, ray, f, t))
@@ -144,7 +144,7 @@ WARPCAM_FN void walk_mesh(const Meshes& meshes, const Record& record, const RayO
 }
 #else
 template <int TYPES, class Meshes, class RayOf>
-inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& source, float near, Hit& hit)
+inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const RayOf& source, float near, Hit& hit)
 {
     const Ray ray = source.local(record);
     const int mesh = record.axis_z.w;
@@ -158,10 +158,10 @@ inline void walk_mesh(const Meshes& meshes, const Record& record, const RayOf& s
 }
 #endif
 
-// Where a ray comes to a veil's next sheet between `near` and the hit's depth; the hit's shape is left where it does
-// not.
+// Finds a ray's next intersection with a transparent shape between `near` and the hit's depth; leaves the hit's shape
+// as it is if there is none.
 template <int TYPES, class Meshes, class HeightFields, class RayOf>
-WARPCAM_FN void meet_veil(const Record& record, const RayOf& ray, float near, const Meshes& meshes,
+WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
                           const HeightFields& fields, Hit& hit)
 {
     if (is_mesh<TYPES>(record)) {
@@ -171,24 +171,24 @@ WARPCAM_FN void meet_veil(const Record& record, const RayOf& ray, float near, co
         if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
             walk_height_field(fields, record, ray, near, hit);
     } else {
-        const float t = enter_any<analytic_types(TYPES)>(record, ray.local(record));
+        const float t = intersect_any<analytic_types(TYPES)>(record, ray.local(record));
         if (t < hit.depth && t > near)
             hit = { t, record.axis_y.w, -1 };
     }
 }
 
 // A colour under veils: see above. `left`: what of the solid colour is still seen.
-struct Covered {
-    Vec linear, display;
-    Vec linear_over, display_over;
+struct MujocoBlend {
+    Vec3 linear, display;
+    Vec3 linear_over, display_over;
     float left;
 
-    WARPCAM_FN explicit Covered(Vec linear, Vec display)
+    WARPCAM_DEVICE explicit MujocoBlend(Vec3 linear, Vec3 display)
         : linear(linear), display(display), linear_over {}, display_over {}, left(1.0f)
     {
     }
 
-    WARPCAM_FN void add(float opacity, Vec more_linear, Vec more_display)
+    WARPCAM_DEVICE void add(float opacity, Vec3 more_linear, Vec3 more_display)
     {
         const float rest = 1.0f - opacity;
         linear = rest * linear + opacity * more_linear;
@@ -198,8 +198,8 @@ struct Covered {
         left *= rest;
     }
 
-    WARPCAM_FN Vec final_linear() const { return linear_over + left * linear; }
-    WARPCAM_FN Vec final_display() const { return display_over + left * display; }
+    WARPCAM_DEVICE Vec3 final_linear() const { return linear_over + left * linear; }
+    WARPCAM_DEVICE Vec3 final_display() const { return display_over + left * display; }
 };
 
 // Covers a pixel's colour. `solid` is the depth of what is solid there, negative where nothing is to be covered.
@@ -207,8 +207,8 @@ struct Covered {
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
 // it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
-WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid, int column,
-                      int row, const Shade& shade, const Note& note, Covered& covered)
+WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid, int column,
+                      int row, const Shade& shade, const Note& note, MujocoBlend& covered)
 {
     const float limit = AS_FAR * solid;
     const auto draw = [&](int rank) {
@@ -220,9 +220,9 @@ WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray
             Hit hit { to, -1, -1 };
             meet_veil<TYPES>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
             const bool met = hit.shape >= 0;
-            if (!any_lane(met))
+            if (!warp_any(met))
                 break;
-            Vec linear, display;
+            Vec3 linear, display;
             const float opacity = shade(met, hit, linear, display) * veils.opacity[slot];
             if (met) {
                 covered.add(opacity, linear, display);
@@ -233,11 +233,11 @@ WARPCAM_FN void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray
         }
     };
 #if defined(__CUDA_ARCH__)
-    for (int begin = 0; begin < veils.count; begin += LANES) {
-        const int rank = begin + threadIdx.x % LANES;
+    for (int begin = 0; begin < veils.count; begin += WARP_SIZE) {
+        const int rank = begin + threadIdx.x % WARP_SIZE;
         const bool mine = rank < veils.count && touches(veils.touched[veils.order[rank]], column, row);
-        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1)
-            draw(begin + lowest_bit(mask));
+        for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1)
+            draw(begin + ctz(mask));
     }
 #else
     for (int rank = 0; rank < veils.count; ++rank)

@@ -11,14 +11,14 @@ namespace warpcam {
 
 // A region's strips, 32 pixels wide and a tile high, dealt out to its warps: each has one column of them.
 template <int WIDTH, int HEIGHT> struct Strips {
-    static constexpr int PIXELS = QUAD * LANES, ACROSS = WIDTH / LANES, WARPS = THREADS / LANES;
+    static constexpr int PIXELS = QUAD * WARP_SIZE, ACROSS = WIDTH / WARP_SIZE, WARPS = THREADS / WARP_SIZE;
     static constexpr int EACH = WIDTH * HEIGHT / (PIXELS * WARPS);  // of a warp
-    static constexpr bool FIT = WIDTH % LANES == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
+    static constexpr bool FIT = WIDTH % WARP_SIZE == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
         && EACH * QUAD <= 32;
 
-    // Of a lane's first pixel in the region; `strip` counts those of a warp.
-    WARPCAM_FN static int column(int warp, int lane) { return warp % ACROSS * LANES + lane % TILE_WIDTH * QUAD; }
-    WARPCAM_FN static int row(int warp, int lane, int strip)
+    // Column of a lane's first pixel in the region; `strip` counts those of a warp.
+    WARPCAM_DEVICE static int column(int warp, int lane) { return warp % ACROSS * WARP_SIZE + lane % TILE_WIDTH * QUAD; }
+    WARPCAM_DEVICE static int row(int warp, int lane, int strip)
     {
         return (warp / ACROSS + strip * (WARPS / ACROSS)) * TILE_HEIGHT + lane / TILE_WIDTH;
     }
@@ -26,11 +26,12 @@ template <int WIDTH, int HEIGHT> struct Strips {
 
 // A plane whose corners are kept, by the numbers of pixels: what follows from these in steps.
 struct StripPlan {
-    // How fast a pixel's ray approaches the plane, and how it runs along its sides in cells, times that: changes from
-    // column to column and from row to row, and at the image's first pixel. w: bits of where the eye is [cells].
-    Row height, u, v;
-    Row texture;      // u is x * cells + y, v is z * cells + w (a float's bits)
-    Row right,
+    // Rate at which a pixel's ray approaches the plane, and its coordinates along the plane's sides in cells times that
+    // rate: changes from column to column and from row to row, and values at the image's first pixel. w: bits of the
+    // eye's coordinate [cells].
+    Float3Int height, u, v;
+    Float3Int texture;      // u is x * cells + y, v is z * cells + w (a float's bits)
+    Float3Int right,
         down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
     float columns, rows;  // of what is kept
     float coarsest;   // level of the texture
@@ -41,7 +42,7 @@ struct StripPlan {
 };
 
 template <class Grid>
-WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
+WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
 {
     const FloorView& view = grid.view;
     plan.image = image;
@@ -57,10 +58,10 @@ WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& cam
         plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
     }
     const float x = image_x(camera, 0.0f), y = image_y(camera, 0.0f), dx = camera.scale_x, dy = -camera.scale_y;
-    const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z;
+    const Float3Int ax = view.axis_x, ay = view.axis_y, az = view.axis_z;
     const float away = -as_float(az.w), side = away < 0.0f ? -1.0f : 1.0f;
-    const auto along = [&](const Row& axis, float scale, float eye) {
-        return Row { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z),
+    const auto along = [&](const Float3Int& axis, float scale, float eye) {
+        return Float3Int { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z),
                      as_int(eye) };
     };
     plan.height = along(az, side, 0.0f);
@@ -70,7 +71,7 @@ WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& cam
     plan.texture = { rate_u, view.place.z - rate_u * cells_u.start, rate_v,
                      as_int(as_float(view.place.w) - rate_v * cells_v.start) };
     // Along its own direction a step does not change these.
-    const Row right = view.right, down = view.down;
+    const Float3Int right = view.right, down = view.down;
     const float right_w = as_float(right.w), down_w = as_float(down.w);
     plan.right = { away * dy * (right.x * az.y - right.y * ax.y),
                    away * (right.x * (az.y * y - az.z) - right.y * (ax.y * y - ax.z)),
@@ -84,19 +85,19 @@ WARPCAM_FN void plan_strips(StripPlan& plan, const Grid& grid, const Camera& cam
 }
 
 // Half the logarithm of the square of a step.
-WARPCAM_FN float step_size(const Row& steps, float at)
+WARPCAM_DEVICE float step_size(const Float3Int& steps, float at)
 {
     const float u = steps.x * at + steps.y, v = steps.z * at + as_float(steps.w);
-    return 0.5f * logarithm2(upper(u * u + v * v, TINY));
+    return 0.5f * log2(max(u * u + v * v, MIN_NORMAL));
 }
 
-// What a lane's pixels share in all rows.
+// Values that a lane's pixels share in all rows.
 struct StripColumn {
     float height, u, v;  // at the first one, in the image's first row
     float down[QUAD];    // step_size()
 };
 
-WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
+WARPCAM_DEVICE StripColumn strip_column(const StripPlan& plan, float column)
 {
     StripColumn own { plan.height.z + column * plan.height.x, plan.u.z + column * plan.u.x,
                       plan.v.z + column * plan.v.x };
@@ -105,11 +106,11 @@ WARPCAM_FN StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// What a pixel shows in the lights that `shadow` leaves, if SHADED, else in all: at (u, v) among the corners.
+// Light of a pixel at (u, v) among the vertices: of the lights that `shadow` leaves if SHADED, else of all.
 template <bool SHADED, class Grid>
-WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
+WARPCAM_DEVICE float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
 {
-    constexpr int STRIDE = Grid::SHADOWS ? FEW : 1;
+    constexpr int STRIDE = Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1;
     const float base_u = __fadd_rd(u, WHOLE_NUMBERS), base_v = __fadd_rd(v, WHOLE_NUMBERS);
     const float a = u - (base_u - WHOLE_NUMBERS), b = v - (base_v - WHOLE_NUMBERS);
     const bool high = a > 1.0f - b;
@@ -120,13 +121,13 @@ WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, floa
     const float* at_second = values + STRIDE;
     const float* at_third = values + grid.columns * STRIDE;
     if constexpr (SHADED) {
-        alignas(16) float one[FEW], two[FEW], three[FEW];
+        alignas(16) float one[GREY_VERTEX_LIGHTS], two[GREY_VERTEX_LIGHTS], three[GREY_VERTEX_LIGHTS];
         load_few(at_first, one);
         load_few(at_second, two);
         load_few(at_third, three);
         float light;
 #pragma unroll
-        for (int n = 0; n < FEW; ++n) {
+        for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n) {
             const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
             if (n == 0)
                 light = own_light;
@@ -143,40 +144,40 @@ WARPCAM_FN float light_at(const StripPlan& plan, const Grid& grid, float u, floa
 // Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what
 // is kept does not reach as far.
 template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
-WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
+WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
                           Quad<IMAGES>& quad)
 {
     const FloorView& view = grid.view;
-    const Row height = plan.height, across_u = plan.u, across_v = plan.v;
+    const Float3Int height = plan.height, across_u = plan.u, across_v = plan.v;
     const float start = own.height + row * height.y, start_u = own.u + row * across_u.y,
                 start_v = own.v + row * across_v.y;
     float rate[QUAD], u[QUAD], v[QUAD];
 #pragma unroll
     for (int k = 0; k < QUAD; ++k) {
-        rate[k] = reciprocal(start + float(k) * height.x);
-        u[k] = muladd(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
-        v[k] = muladd(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
+        rate[k] = rcp(start + float(k) * height.x);
+        u[k] = fma(start_u + float(k) * across_u.x, rate[k], as_float(across_u.w));
+        v[k] = fma(start_v + float(k) * across_v.x, rate[k], as_float(across_v.w));
     }
-    // What lies between two pixels that are among the corners is, too, but for rounding.
+    // Tolerance in rounding: a point between two pixels that the vertices cover is covered, too.
     constexpr float SLACK = 1.0e-5f;
-    bool within = lower(rate[0], rate[3]) > 0.0f;
+    bool within = min(rate[0], rate[3]) > 0.0f;
     if constexpr (Grid::LIT)
-        within = within & (lower(u[0], u[3]) >= SLACK) & (upper(u[0], u[3]) < plan.columns)
-                 & (lower(v[0], v[3]) >= SLACK) & (upper(v[0], v[3]) < plan.rows);
+        within = within & (min(u[0], u[3]) >= SLACK) & (max(u[0], u[3]) < plan.columns)
+                 & (min(v[0], v[3]) >= SLACK) & (max(v[0], v[3]) < plan.rows);
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
-    const Row texture = plan.texture;
-    Vec colors[QUAD];
+    const Float3Int texture = plan.texture;
+    Vec3 colors[QUAD];
 #pragma unroll
     for (int k = 0; k < QUAD; ++k) {
-        Vec color { 1.0f, 1.0f, 1.0f };
+        Vec3 color { 1.0f, 1.0f, 1.0f };
         if constexpr (TEXTURED && MIPS) {
             color = look_up(plan.image, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
-                            2.0f * logarithm2(rate[k]) + upper(own.down[k], right));
+                            2.0f * log2(rate[k]) + max(own.down[k], right));
         } else if constexpr (TEXTURED) {
             const float detail =
-                lower(upper(2.0f * logarithm2(rate[k]) + upper(own.down[k], right), 0.0f), plan.coarsest);
+                min(max(2.0f * log2(rate[k]) + max(own.down[k], right), 0.0f), plan.coarsest);
             const float base = __fadd_rd(detail, WHOLE_NUMBERS);
             const int level = as_int(base) - as_int(WHOLE_NUMBERS);
             color = sample_sheet(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
@@ -184,20 +185,20 @@ WARPCAM_FN bool draw_quad(const StripPlan& plan, const Grid& grid, const StripCo
         }
         if constexpr (Grid::LIT) {
             const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
-            // What is left of a sum may be less than nothing by its rounding; bytes are clipped.
-            colors[k] = (SHADED && (IMAGES & HDR) ? upper(light, 0.0f) : light) * color;
+            // Rounding can leave a sum below zero; conversion to bytes clips.
+            colors[k] = (SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light) * color;
         } else {
-            colors[k] = times(grid.color, color);
+            colors[k] = mul(grid.color, color);
         }
     }
     quad.fill(colors);
     return true;
 }
 
-// Which of a lane's pixels show a plane, a bit each.
-template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>& ids, int plane)
+// Bit mask of a lane's pixels that show a plane.
+template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned, BYTES>& ids, int plane)
 {
-    constexpr unsigned MASK = BYTES == 4 ? ALL : (1u << 8 * (BYTES % 4)) - 1u;
+    constexpr unsigned MASK = BYTES == 4 ? FULL_WARP : (1u << 8 * (BYTES % 4)) - 1u;
     unsigned bits = 0;
 #pragma unroll
     for (int k = 0; k < QUAD; ++k)
@@ -208,7 +209,7 @@ template <int BYTES> WARPCAM_FN unsigned showing(const Several<unsigned, BYTES>&
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
 // texture is a mipmapped one, else on a sheet.
 template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
-WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
+WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                 const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
@@ -223,26 +224,26 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
     const int piece_row = lane / 6, piece = lane % 6;
     const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
     const unsigned stored = highest + unsigned(piece_row * frame.width);
-    auto ids = four_at(frame.shape.data + first);
+    auto ids = load4(frame.shape.data + first);
     unsigned dark = shadows_at(first), left = 0;
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
         const unsigned on = showing(ids, grid.shape), shadow = dark;
         if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
-            ids = four_at(frame.shape.data + (first + unsigned(strip + 1) * step));
+            ids = load4(frame.shape.data + (first + unsigned(strip + 1) * step));
             dark = shadows_at(first + unsigned(strip + 1) * step);
         }
         const float row = float(region.top + Own::row(warp, lane, strip));
         Quad<IMAGES> quad {};
         bool drawn = false;
-        if (Grid::SHADOWS && any_lane(on && shadow)) {
+        if (Grid::SHADOWS && warp_any(on && shadow)) {
             if (on)
                 drawn = draw_quad<TEXTURED, MIPS, true>(plan, grid, own, row, shadow, quad);
         } else if (on) {
             drawn = draw_quad<TEXTURED, MIPS, false>(plan, grid, own, row, 0u, quad);
         }
         left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
-        if (any_lane(drawn)) {
+        if (warp_any(drawn)) {
             const unsigned down = unsigned(strip) * step;
             store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
                         row_of_lanes);
@@ -252,29 +253,29 @@ WARPCAM_FN unsigned draw_strips(const StripPlan& plan, const Grid& grid, const F
 }
 
 // Lists the pixels that a warp's lanes have left, strip after strip; `count` is the block's.
-template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count, unsigned left, int warp, int lane)
+template <int EACH> WARPCAM_DEVICE void list_pixels(unsigned short* list, int& count, unsigned left, int warp, int lane)
 {
-    const int total = sum_of_all(__popc(left));
+    const int total = warp_reduce_add(__popc(left));
     if (total == 0)
         return;
-    int place = __shfl_sync(ALL, lane == 0 ? atomicAdd(&count, total) : 0, 0);
+    int place = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&count, total) : 0, 0);
     const unsigned before = (1u << lane) - 1u;
 #pragma unroll 1
     for (int strip = 0; strip < EACH; ++strip) {
         const unsigned mine = left >> 4 * strip & 15u;
-        if (!any_lane(mine))
+        if (!warp_any(mine))
             continue;
         int own = place;
 #pragma unroll
         for (int k = 0; k < QUAD; ++k) {
-            const unsigned lanes = __ballot_sync(ALL, mine >> k & 1u);
+            const unsigned lanes = __ballot_sync(FULL_WARP, mine >> k & 1u);
             own += __popc(lanes & before);
             place += __popc(lanes);
         }
 #pragma unroll
         for (int k = 0; k < QUAD; ++k)
             if (mine >> k & 1u)
-                list[own++] = static_cast<unsigned short>(((warp * EACH + strip) * LANES + lane) * QUAD + k);
+                list[own++] = static_cast<unsigned short>(((warp * EACH + strip) * WARP_SIZE + lane) * QUAD + k);
     }
 }
 
@@ -282,7 +283,7 @@ template <int EACH> WARPCAM_FN void list_pixels(unsigned short* list, int& count
 // them, which may be that of the grid's values.
 template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_,
           class Draw>
-WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
+WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
                                const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
                                const Draw& draw)
 {
@@ -296,27 +297,27 @@ WARPCAM_FN void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid
                                                                      pixel.lane, pixel.row_of_lanes)
                 : draw_strips<false, false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
                                                                    pixel.lane, pixel.row_of_lanes);
-        block_barrier();  // what is stored may be stored again, and no corner is asked for any more
+        block_sync();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;
         list_pixels<Own::EACH>(list, plan.count, left, warp, pixel.lane);
-        block_barrier();
+        block_sync();
     }
     const int count = plain ? plan.count : WIDTH * HEIGHT;
     pixel.inside = true;
 #pragma unroll 1
     while (true) {
-        const int start = LANES * __shfl_sync(ALL, pixel.lane == 0 ? draw_next(plan.next) : 0, 0);
+        const int start = WARP_SIZE * __shfl_sync(FULL_WARP, pixel.lane == 0 ? draw_next(plan.next) : 0, 0);
         if (start >= count)
             return;
         int column, row;
         if (plain) {
-            const int number = list[lower_int(start + pixel.lane, count - 1)], strip = number / (QUAD * LANES);
-            const int lane = number / QUAD % LANES;
+            const int number = list[min(start + pixel.lane, count - 1)], strip = number / (QUAD * WARP_SIZE);
+            const int lane = number / QUAD % WARP_SIZE;
             column = Own::column(strip / Own::EACH, lane) + number % QUAD;
             row = Own::row(strip / Own::EACH, lane, strip % Own::EACH);
         } else {
-            const int tile = start / LANES;
+            const int tile = start / WARP_SIZE;
             column = tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH + pixel.lane % TILE_WIDTH;
             row = tile / (WIDTH / TILE_WIDTH) * TILE_HEIGHT + pixel.lane / TILE_WIDTH;
         }

@@ -8,21 +8,21 @@
 
 namespace warpcam {
 
-// What the trace and the shadow pass found at a pixel.
-struct Found : Hit {
-    int shadow;  // where FACTS have SPARE; otherwise it is asked for when the pixel is drawn
+// Results of the trace and of the shadow pass at a pixel.
+struct PixelHit : Hit {
+    int shadow;  // where FACTS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
 };
 
-template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(const Frame_& frame, const Pixel& pixel)
+template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 {
-    Found found { { 0.0f, -1, 0 }, 0 };
+    PixelHit found { { 0.0f, -1, 0 }, 0 };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
-        if (Wanted<IMAGES, FACTS>::SURFACE)
+        if (ShadingNeeds<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
-        if (Wanted<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
+        if (ShadingNeeds<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
             found.face = stored_face<TYPES>(frame.face.data[pixel.at]);
-        if (Wanted<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SPARE))
+        if (ShadingNeeds<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SEPARATE_PLANE_PATH))
             found.shadow = frame.shadow.data[pixel.at];
     }
     return found;
@@ -30,17 +30,17 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_FN Found find(
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel,
 // less if `looks` are SeenLooks.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_>
-WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                            int world, float x, float y, const Hit& found, int shadow, Shown& shown)
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
+                            int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
 {
-    using Wants = Wanted<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
     if constexpr (CAPACITY > 0)
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene,
                                                     camera, x, y, found, shadow, shown);
     else
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(
-            kept_look<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera,
+            cached_appearance<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera,
             x, y, found, shadow, shown);
     if constexpr (Wants::LIT)
         expose<FACTS>(scene, world, shown.linear, shown.display);
@@ -48,66 +48,66 @@ WARPCAM_FN void resolve_hit(const Looks* looks, const List& lights, const Scene_
 
 // Covers what is seen of a pixel with the transparent shapes before it, nearer than `limit`. Returns how much is still
 // seen of it.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_>
-WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Scene_& scene, const Camera& camera,
+WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
                                const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x,
-                               float y, const Hit& solid, float limit, Shown& shown)
+                               float y, const Hit& solid, float limit, ShadedPixel& shown)
 {
-    const bool takes_part = pixel.inside && !((FACTS & MIRRORED) && solid.shape == -1);
-    const ViewRay<LENS> ray { x, y };
+    const bool takes_part = pixel.inside && !((FACTS & MIRROR_VIEW) && solid.shape == -1);
+    const CameraRay<LENS> ray { x, y };
     float near = camera.near;
     int column = (pixel.column - region.left) / TILE_WIDTH;
     const int row = (pixel.row - region.top) / TILE_HEIGHT;
-    if constexpr ((FACTS & MIRRORED) != 0) {
+    if constexpr ((FACTS & MIRROR_VIEW) != 0) {
         near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
         column = region.width / TILE_WIDTH - 1 - column;
     }
     if constexpr ((FACTS & PHYSICAL) != 0) {
-        const auto paint = [&](bool met, Hit hit, Vec& light) {
-            Shown sheet;
-            follow(met, hit);
+        const auto paint = [&](bool met, Hit hit, Vec3& light) {
+            ShadedPixel sheet;
+            fill_inactive_lanes(met, hit);
             resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, sheet);
             light = sheet.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
-            if constexpr ((TYPES >> MASKED & 1) && (FACTS & HAS_MAPS))
+            if constexpr ((TYPES >> ALPHA_TESTED & 1) && (FACTS & HAS_MAPS))
                 alpha *= mapped_opacity<TYPES, LENS>(
-                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
+                    cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
                     scene, camera, world, x, y, hit);
             return alpha;
         };
-        Peeled peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
+        Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
         peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
-            shown.display = encoded(shown.linear);
+            shown.display = linear_to_srgb(shown.linear);
         }
         return peeled.left;
     } else {
-        Covered covered(shown.linear, clip(shown.display));
-        const auto shade = [&](bool met, Hit hit, Vec& linear, Vec& display) {
-            Shown sheet;
-            follow(met, hit);
+        MujocoBlend covered(shown.linear, clip(shown.display));
+        const auto shade = [&](bool met, Hit hit, Vec3& linear, Vec3& display) {
+            ShadedPixel sheet;
+            fill_inactive_lanes(met, hit);
             resolve_hit<TYPES, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, sheet);
             linear = sheet.linear;
             display = sheet.display;
-            if constexpr ((TYPES >> SHEER & 1) && Wanted<IMAGES, FACTS>::TEXTURED)
+            if constexpr ((TYPES >> TEXTURE_ALPHA & 1) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
                 return texture_alpha<TYPES, LENS>(
-                    kept_look<TYPES, CAPACITY, Wanted<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
+                    cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
                     scene, camera, x, y, hit);
             return 1.0f;
         };
         Hit first { limit, -1, -1 };
         const auto note = [&](const Hit& hit, float opacity) {
-            if constexpr ((FACTS & NOTED) != 0)
+            if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
                 if (opacity >= NOTEWORTHY && hit.depth < first.depth
                     && wp::index(scene.shapes.types, hit.shape) != PLANE)
                     first = hit;
         };
         cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
-        if constexpr ((FACTS & NOTED) != 0)
+        if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
                 scene.frame.depth.data[pixel.at] = first.depth;
@@ -121,91 +121,91 @@ WARPCAM_FN float resolve_veils(const Looks* looks, const List& lights, const Sce
 }
 
 // `painted`: what the pixel shows, a Shown, where that is known.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Looks, class List, class Scene_,
+template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_, class Camera_, class... Painted_>
-WARPCAM_FN void resolve_pixel(const Looks* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, Found found,
+WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene, const Camera_& camera,
+                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, PixelHit found,
                               const Painted_&... painted)
 {
     constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
-    using Wants = Wanted<IMAGES, FACTS>;
-    constexpr bool IN_QUADS = FACTS & QUADS;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    constexpr bool IN_QUADS = FACTS & STORE_QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
-    const int column = FACTS & MIRRORED ? frame.width - 1 - pixel.column : pixel.column;
+    const int column = FACTS & MIRROR_VIEW ? frame.width - 1 - pixel.column : pixel.column;
     const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     const auto shadow = [&] {
         if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
             return 0;
-        else if constexpr ((FACTS & SPARE) != 0)
+        else if constexpr ((FACTS & SEPARATE_PLANE_PATH) != 0)
             return found.shadow;
         else
             return hit ? int(frame.shadow.data[pixel.at]) : 0;
     };
-    Shown shown;
+    ShadedPixel shown;
     bool drawn = false;
-    Vec apart;
-    Vec& floor = FACTS & SPARE ? apart : shown.display;
+    Vec3 apart;
+    Vec3& floor = FACTS & SEPARATE_PLANE_PATH ? apart : shown.display;
     if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED, (FACTS & SPARE) != 0, (FACTS & (SPARE | STRIPS)) != 0>(
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0, (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(
             lights.grid, scene.textures, found, shadow, x, y, floor);
     if constexpr (IS_PAINTED)
         shown = (painted, ...);
-    else if (((FACTS & SPARE) || !drawn) && (Wants::SURFACE || Wants::COLORED) && follow(hit && !drawn, found))
+    else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED) && fill_inactive_lanes(hit && !drawn, found))
         resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
                                                           shown);
     if (drawn) {
         shown.linear = shown.display = floor;
         expose<FACTS>(scene, world, shown.linear, shown.display);
     }
-    const Vec black { 0.0f, 0.0f, 0.0f };
+    const Vec3 black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
         put_vec<IN_QUADS>(images.normals, pixel, hit ? shown.normal : black);
     if (IMAGES & ALBEDO)
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
         bool seen = hit;
-        Mist mist { 0.0f, 0.0f };
+        HazeSample mist { 0.0f, 0.0f };
         float sky = camera.far;
-        if constexpr ((FACTS & HAZY) != 0 && LENS != ORTHOGRAPHIC) {
-            const Vec ray = turned(camera.rotation, ViewRay<LENS> { x, y }.direction());
+        if constexpr ((FACTS & HAS_HAZE) != 0 && LENS != ORTHOGRAPHIC) {
+            const Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
             sky = skybox_depth(ray, frame.haze.radius);
             seen = hit && solid.depth < sky;
-            Vec eye = camera.origin;
-            if constexpr (LENS == SPREAD)
-                eye = eye + turned(camera.rotation, ViewRay<LENS> { x, y }.beam().start);
+            Vec3 eye = camera.origin;
+            if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+                eye = eye + transform(camera.rotation, CameraRay<LENS> { x, y }.beam().start);
             mist = haze_of(scene, eye, world, ray);
         }
         if (!seen) {
             shown.linear = shown.display =
-                FACTS & MIRRORED ? black
+                FACTS & MIRROR_VIEW ? black
                                  : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
                                                                  camera, frame.horizon, x, y);
             if constexpr (Wants::COATED) {
-                shown.linear = decoded(shown.linear);
+                shown.linear = srgb_to_linear(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
-                    shown.linear = times(lights.sky.gain, shown.linear);
-                    shown.display = encoded(shown.linear);
+                    shown.linear = mul(lights.sky.gain, shown.linear);
+                    shown.display = linear_to_srgb(shown.linear);
                 }
             }
             expose<FACTS>(scene, world, shown.linear, shown.display);
         }
-        if constexpr ((FACTS & REFLECTS) != 0)
+        if constexpr ((FACTS & HAS_MIRROR) != 0)
             if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
-        if constexpr ((FACTS & HAZY) != 0)
+        if constexpr ((FACTS & HAS_HAZE) != 0)
             if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
-                const Vec haze = exposed<FACTS>(scene, world, mist.density * to_vec(frame.haze.color));
+                const Vec3 haze = exposed<FACTS>(scene, world, mist.density * as_vec3(frame.haze.color));
                 shown.linear = (1.0f - mist.density) * shown.linear + haze;
                 shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
             }
         unsigned alpha = hit ? 0xff000000u : 0u;
-        if constexpr ((FACTS & VEILED) != 0) {
+        if constexpr ((FACTS & HAS_TRANSPARENT) != 0) {
             float limit = hit ? solid.depth : camera.far;
-            if constexpr ((FACTS & HAZY) != 0)
-                limit = lower(sky, mist.density > 0.0f ? lower(limit, mist.depth)
+            if constexpr ((FACTS & HAS_HAZE) != 0)
+                limit = min(sky, mist.density > 0.0f ? min(limit, mist.depth)
                                                        : limit);  // these hide what is behind them
             const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
                                                                                    region, world, pixel, x, y, solid,

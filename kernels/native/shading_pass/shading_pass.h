@@ -12,39 +12,39 @@ namespace warpcam {
 // VEILS: how many shapes may be transparent.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
           class Lights>
-WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
+WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index)
 {
-    using Wants = Wanted<IMAGES, FACTS>;
-    using Looks = Look<TYPES, Wants>;
-    using Sheets = typename Kept<VEILS != 0, Veils<VEILS != 0 ? VEILS : 1>>::type;
-    constexpr int ROOM = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
-    constexpr int KEPT = CAPACITY * int(sizeof(Looks)) <= ROOM && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    using Appearances = ShapeAppearance<TYPES, Wants>;
+    using Sheets = typename Kept<VEILS != 0, TransparentShapes<VEILS != 0 ? VEILS : 1>>::type;
+    constexpr int SHARED_BYTES = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
+    constexpr int CACHED = CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
-    constexpr bool RADIANT = IMAGES == HDR && (FACTS & STRIPS);
+    constexpr bool RADIANT = IMAGES == HDR && (FACTS & PLANE_STRIPS);
 #if defined(__CUDA_ARCH__)
     constexpr bool CORNERED_LENS = LENS == PINHOLE;
 #else
-    constexpr bool CORNERED_LENS = LENS != SPREAD;
+    constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
 #endif
     constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
-        ? corner_room(WIDTH * HEIGHT, (ROOM < CORNERED ? ROOM : CORNERED) - KEPT * int(sizeof(Looks)) - 1024)
+        ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES) - CACHED * int(sizeof(Appearances)) - 1024)
         : 0;
-    // Where not all looks can be kept, some are.
-    constexpr bool SOME = KEPT == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
-    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, BARE = sizeof(Look<TYPES, Bare<Wants>>);
-    constexpr int LEFT = (ROOM - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / BARE;
+    // Caches some appearances if not all fit.
+    constexpr bool SOME = CACHED == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
+    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, APPEARANCE_BYTES = sizeof(ShapeAppearance<TYPES, Untextured<Wants>>);
+    constexpr int LEFT = (SHARED_BYTES - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / APPEARANCE_BYTES;
     constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
-    using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Looks>::type;
-    constexpr int HELD = SOME ? -1 : KEPT;
-    WARPCAM_SHARED Held looks[KEPT > 0 ? KEPT : 1];
+    using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Appearances>::type;
+    constexpr int HELD = SOME ? -1 : CACHED;
+    WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = STRIPS | QUADS | WHOLE_REGIONS, BARRED = MIRRORED | REFLECTS | VEILED | HAZY | EXPOSED;
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && (TYPES >> PLANE & 1) && LENS == PINHOLE;
-    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && KEPT > 0
+    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
         && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
-    constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~QUADS : FACTS & ~STRIPS;
+    constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~STORE_QUADS : FACTS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
     WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
@@ -53,7 +53,7 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
 #endif
     constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
     using List = typename Either<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>::type;
-    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, LampList, List>::type list;
+    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, AreaLights, List>::type list;
     WARPCAM_SHARED Camera kept_camera;
     WARPCAM_SHARED Sheets veils;
     const auto& frame = scene.frame;
@@ -67,60 +67,60 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
     const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
         kept_camera = camera;
-    if (Wants::LIT && thread >= THREADS - TEAM)
-        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - TEAM), list);
-    if constexpr ((FACTS & MIRRORED) != 0) {
+    if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE), list);
+    if constexpr ((FACTS & MIRROR_VIEW) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)
             return;
-        if (thread == THREADS - TEAM && headlight_shines(lights))
-            list.lights[0].place = to_row(to_vec(mirror.headlight), 0);
+        if (thread == THREADS - WARP_OR_ONE && headlight_shines(lights))
+            list.lights[0].place = make_float3_int(as_vec3(mirror.headlight), 0);
     }
     if constexpr (VEILS != 0) {
         Region seen = region;
-        Vec eye = camera.origin;
+        Vec3 eye = camera.origin;
         int mirror = -1;
-        if constexpr ((FACTS & MIRRORED) != 0) {  // its columns run the other way
+        if constexpr ((FACTS & MIRROR_VIEW) != 0) {  // its columns run the other way
             const auto at = wp::index(frame.mirrors, world);
             seen.left = frame.width - region.left - region.width;
-            eye = to_vec(at.eye);
+            eye = as_vec3(at.eye);
             mirror = at.shape;
         }
         gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
-    if constexpr (KEPT > 0)
+    if constexpr (CACHED > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            looks[i] = look_of<TYPES, Wants>(scene, camera, world, id);
+            looks[i] = load_appearance_for<TYPES, Wants>(scene, camera, world, id);
         }
     if constexpr (SOME) {
         if (thread == 0 && frame.plane >= 0)
-            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks->plane = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
         if constexpr (Held::MARKED)
             gather_looks<WIDTH, HEIGHT, FACTS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
     }
-    block_barrier();
+    block_sync();
 #else
-    bool made[KEPT > 0 ? KEPT : 1] = {};
-    if constexpr (VEILS != 0 && KEPT > 0)
+    bool made[CACHED > 0 ? CACHED : 1] = {};
+    if constexpr (VEILS != 0 && CACHED > 0)
         for (int slot = 0; slot < veils.count; ++slot) {
             const int place = wp::index(scene.shapes.places, veils.ids[slot]);
-            looks[place] = look_of<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
+            looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
             made[place] = true;
         }
-    if constexpr (CORNERS > 0 && KEPT > 0)
+    if constexpr (CORNERS > 0 && CACHED > 0)
         if (frame.plane >= 0) {
             const int place = wp::index(scene.shapes.places, frame.plane);
-            looks[place] = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
             made[place] = true;
         }
     if constexpr (SOME)
         if (frame.plane >= 0)
-            looks->plane = look_of<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks->plane = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
 #endif
     if constexpr (ON_FLOOR) {
-        const Looks& look = plane_look<KEPT>(looks, scene);
+        const Appearances& look = plane_look<CACHED>(looks, scene);
         unsigned long long sheet = 0;
         if constexpr (Wants::ON_SHEETS)
             sheet = look.layout.sheet;
@@ -130,9 +130,9 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
         if constexpr (MIPS)
             if (thread == 0 && sheet)
                 image = wp::index(scene.textures.mips, look.finish.color.w);
-        if (thread < TEAM) {
+        if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRRORED, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRROR_VIEW, thread);
             else
                 see_floor(list.grid, look, camera, frame.plane, sheet, thread);
         }
@@ -141,25 +141,25 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             if (thread == 0)
                 plan_strips(plan, list.grid, camera, image);
 #endif
-        block_barrier();
+        block_sync();
         if constexpr (CORNERS > 0) {
 #if defined(__CUDA_ARCH__)
             light_corners<!RADIANT>(list.grid, list, look, thread);
 #else
             light_all_corners(list.grid, list, look);
 #endif
-            block_barrier();
+            block_sync();
         }
     }
     Pixel pixel;
 #if defined(__CUDA_ARCH__)
-    WARPCAM_SHARED float4 lanes[THREADS / LANES][3 * LANES / 4];
-    constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / LANES;
-    const unsigned warp = unsigned(thread) / LANES;
-    pixel.lane = unsigned(thread) % LANES;
+    WARPCAM_SHARED float4 lanes[THREADS / WARP_SIZE][3 * WARP_SIZE / 4];
+    constexpr unsigned TILES = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT), STEP = THREADS / WARP_SIZE;
+    const unsigned warp = unsigned(thread) / WARP_SIZE;
+    pixel.lane = unsigned(thread) % WARP_SIZE;
     pixel.row_of_lanes = reinterpret_cast<float*>(lanes[warp]);
     if constexpr (IN_STRIPS) {
-        // Where there is room they lie among the corners, which are not needed any more.
+        // Reuses the memory of the vertices, which are no longer needed, if it has room.
         unsigned short* rest = pixels_left;
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
@@ -170,16 +170,16 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             });
         return;
     }
-    go_to<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    Found next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
+    PixelHit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
-        const Found found = next;
+        const PixelHit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-            go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
+            seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
             next = find<TYPES, IMAGES, FACTS>(frame, pixel);
         }
-        go_to<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
+        seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene,
@@ -198,30 +198,30 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             return (camera);
     };
     const auto make_look = [&](int id) {
-        if constexpr (KEPT > 0)
+        if constexpr (CACHED > 0)
             if (const int place = wp::index(scene.shapes.places, id); !made[place]) {
-                looks[place] = look_of<TYPES, Wants>(scene, camera, world, id);
+                looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, id);
                 made[place] = true;
             }
     };
     if constexpr (Wants::SURFACE) {
-        constexpr bool APART = (FACTS & (MIRRORED | REFLECTS | VEILED | HAZY)) != 0;
-        constexpr int ROWS = lower_int(HEIGHT, 4096 / WIDTH);
+        constexpr bool APART = (FACTS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
+        constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         Painted<ROWS * WIDTH, IMAGES, APART> painted;
-        const int width = lower_int(WIDTH, frame.width - left), bottom = lower_int(top + HEIGHT, frame.height);
-        RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRRORED, frame.width);
+        const int width = min(WIDTH, frame.width - left), bottom = min(top + HEIGHT, frame.height);
+        RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRROR_VIEW, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
             make_look(id);
-            if constexpr (KEPT > 0)
+            if constexpr (CACHED > 0)
                 return (looks[wp::index(scene.shapes.places, id)]);
             else
-                return kept_look<TYPES, HELD, Wants>(looks, list, scene, camera, world, id);
+                return cached_appearance<TYPES, HELD, Wants>(looks, list, scene, camera, world, id);
         };
         for (int start = top; start < bottom; start += ROWS) {
-            const int rows = lower_int(ROWS, bottom - start);
+            const int rows = min(ROWS, bottom - start);
             const size_t corner = first + size_t(start) * frame.width + left;
-            ray_rows.go_to(start, rows);
+            ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
             paint_sorted<TYPES, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
                                                                                   corner, look_at, painted);
@@ -239,10 +239,10 @@ WARPCAM_FN void resolve(const Scene_& scene, const Lights& lights, int index)
             }
         }
     } else {
-        for (pixel.row = top; pixel.row < lower_int(top + HEIGHT, frame.height); ++pixel.row)
-            for (pixel.column = left; pixel.column < lower_int(left + WIDTH, frame.width); ++pixel.column) {
+        for (pixel.row = top; pixel.row < min(top + HEIGHT, frame.height); ++pixel.row)
+            for (pixel.column = left; pixel.column < min(left + WIDTH, frame.width); ++pixel.column) {
                 pixel.at = first + pixel.row * frame.width + pixel.column;
-                const Found found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+                const PixelHit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region,

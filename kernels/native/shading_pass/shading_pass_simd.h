@@ -9,25 +9,25 @@
 
 namespace warpcam {
 
-// What the pixels of a few rows show. APART: as numbers, for what else covers them; else as bytes.
-template <int ROOM, int IMAGES, bool APART> struct Painted {
+// Colours of the pixels of a few rows. APART: as numbers, to be covered by other layers; else as bytes.
+template <int SIZE, int IMAGES, bool APART> struct Painted {
     static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
     static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
-    Vec linear[LINEAR ? ROOM : 1], display[DISPLAY ? ROOM : 1], normal[IMAGES & NORMALS ? ROOM : 1];
-    unsigned words[WORDS ? ROOM : 1];  // R, G, B, A
-    unsigned albedo[IMAGES & ALBEDO ? ROOM : 1];
+    Vec3 linear[LINEAR ? SIZE : 1], display[DISPLAY ? SIZE : 1], normal[IMAGES & NORMALS ? SIZE : 1];
+    unsigned words[WORDS ? SIZE : 1];  // R, G, B, A
+    unsigned albedo[IMAGES & ALBEDO ? SIZE : 1];
 
-    void put_light(const short* pixels, int count, const Vecs& own_linear, const Vecs& own_display, unsigned alpha)
+    void put_light(const short* pixels, int count, const Vec3x8& own_linear, const Vec3x8& own_display, unsigned alpha)
     {
         if constexpr (LINEAR)
             for (int k = 0; k < count; ++k)
-                linear[pixels[k]] = one_of(own_linear, k);
+                linear[pixels[k]] = get_lane(own_linear, k);
         if constexpr (DISPLAY)
             for (int k = 0; k < count; ++k)
-                display[pixels[k]] = one_of(own_display, k);
+                display[pixels[k]] = get_lane(own_display, k);
         if constexpr (WORDS) {
-            const Ints bytes = to_bytes(own_display) | int(alpha);
-            if (count == PACKET && in_a_row(pixels))
+            const Int8 bytes = to_bytes(own_display) | int(alpha);
+            if (count == SIMD_WIDTH && in_a_row(pixels))
                 __builtin_memcpy(words + pixels[0], &bytes, sizeof bytes);
             else
                 for (int k = 0; k < count; ++k)
@@ -35,22 +35,22 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
         }
     }
 
-    void put_normals(const short* pixels, int count, const Vecs& normals)
+    void put_normals(const short* pixels, int count, const Vec3x8& normals)
     {
         for (int k = 0; k < count; ++k)
-            normal[pixels[k]] = one_of(normals, k);
+            normal[pixels[k]] = get_lane(normals, k);
     }
 
-    void put_albedo(const short* pixels, int count, const Vecs& color)
+    void put_albedo(const short* pixels, int count, const Vec3x8& color)
     {
-        const Ints bytes = to_bytes(color);
+        const Int8 bytes = to_bytes(color);
         for (int k = 0; k < count; ++k)
             albedo[pixels[k]] = unsigned(bytes[k]);
     }
 
-    Shown shown(int place) const
+    ShadedPixel shown(int place) const
     {
-        Shown shown;
+        ShadedPixel shown;
         shown.linear = linear[LINEAR ? place : 0];
         shown.display = display[DISPLAY ? place : 0];
         if (IMAGES & NORMALS)
@@ -60,9 +60,9 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
         return shown;
     }
 
-    static Vec color_of(unsigned word)
+    static Vec3 color_of(unsigned word)
     {
-        return (1.0f / 255.0f) * Vec { float(word & 0xff), float(word >> 8 & 0xff), float(word >> 16 & 0xff) };
+        return (1.0f / 255.0f) * Vec3 { float(word & 0xff), float(word >> 8 & 0xff), float(word >> 16 & 0xff) };
     }
 
     // Writes a row of pixels that begins at `at`.
@@ -74,13 +74,13 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
         if constexpr (WORDS && (IMAGES & RGBA))
             __builtin_memcpy(images.rgba.data + 4 * at, words + place, 4 * size_t(width));
         if constexpr ((IMAGES & HDR) != 0)
-            __builtin_memcpy(images.hdr.data + 3 * at, linear + place, sizeof(Vec) * width);
+            __builtin_memcpy(images.hdr.data + 3 * at, linear + place, sizeof(Vec3) * width);
         if constexpr ((IMAGES & (NORMALS | ALBEDO)) != 0)
             for (int k = 0; k < width; ++k) {
                 const bool hit = ids.data[at + k] >= 0;
                 if constexpr ((IMAGES & NORMALS) != 0)
                     put_three(images.normals.data, unsigned(at) + k,
-                              hit ? normal[place + k] : Vec { 0.0f, 0.0f, 0.0f });
+                              hit ? normal[place + k] : Vec3 { 0.0f, 0.0f, 0.0f });
                 if constexpr ((IMAGES & ALBEDO) != 0)
                     put_color(images.albedo.data + 3 * (at + k), hit ? albedo[place + k] : 0u);
             }
@@ -96,12 +96,12 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
     {
         typedef unsigned char Bytes __attribute__((ext_vector_type(32)));
         int done = 0;
-        for (; done + PACKET <= count; done += PACKET) {
+        for (; done + SIMD_WIDTH <= count; done += SIMD_WIDTH) {
             Bytes bytes;
             __builtin_memcpy(&bytes, from + done, sizeof bytes);
             bytes = __builtin_shufflevector(bytes, bytes, 0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, 16, 17, 18, 20, 21,
                                             22, 24, 25, 26, 28, 29, 30, -1, -1, -1, -1, -1, -1, -1, -1);
-            __builtin_memcpy(to + 3 * done, &bytes, 3 * PACKET);
+            __builtin_memcpy(to + 3 * done, &bytes, 3 * SIMD_WIDTH);
         }
         for (; done < count; ++done)
             put_color(to + 3 * done, from[done]);
@@ -110,183 +110,187 @@ template <int ROOM, int IMAGES, bool APART> struct Painted {
 
 // Eight pixels of one shape.
 struct EightHits {
-    Floats x, y, depth;
-    Ints shadow;
-    int faces[PACKET];
+    Float8 x, y, depth;
+    Int8 shadow;
+    int faces[SIMD_WIDTH];
 };
 
-// What surfaces that face the camera have for normals, in the world.
-template <int TYPES, class Looks, class Scene_>
-inline Vecs facing_normals(const Looks& look, const Scene_& scene, const Surfaces& surface, const Vecs& ray)
+// World-frame normals of surfaces that face the camera.
+template <int TYPES, class Appearances, class Scene_>
+inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface,
+                             const Vec3x8& ray)
 {
-    const Turn& turn = look.turn;
-    const Row a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
-    Vecs normal = surface.normal;
+    const ShapeToWorldRotation& turn = look.turn;
+    const Float3Int a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
+    Vec3x8 normal = surface.normal;
     if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-        normal = smooth_normals<TYPES>(look.pose, scene.meshes, surface);
-    const Vecs turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
+        normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    const Vec3x8 turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
                         b.x * normal.x + b.y * normal.y + b.z * normal.z,
                         c.x * normal.x + c.y * normal.y + c.z * normal.z };
-    return chosen(dot(surface.normal, ray) > 0.0f, -turned, turned);
+    return select(dot(surface.normal, ray) > 0.0f, -turned, turned);
 }
 
 // The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
-template <int TYPES, int LENS, int FACTS, bool LINEAR, class Looks, class List, class Scene_>
-inline void light_eight(const Looks& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
-                        const Surfaces& surface, const Beams& beams, const Vecs& place, Ints shadow, Lits& lit)
+template <int TYPES, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
+inline void light_eight(const Appearances& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
+                        const SurfaceInteraction8& surface, const OffsetRay8& beams, const Vec3x8& place, Int8 shadow,
+                        Lits& lit)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
-    const Pose& pose = look.pose;
+    const ShapeFromCamera& pose = look.pose;
     if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-            shadow |= own_shadow_of_eight(lights, camera, place, seen_of(pose, surface.normal));
-    Ints inside = 0;
+            shadow |= own_shadow(lights, camera, place, pose.seen(surface.normal));
+    Int8 inside = 0;
     if constexpr (BY_CORNERS)
         if (id == lights.grid.shape) {
             const OnCornersOfEight on = on_corners(lights.grid, surface.local);
             lit.display = light_from_corners(lights.grid, on, shadow);
             inside = on.inside;
         }
-    if (!any_of(~inside)) {
+    if (!any(~inside)) {
         lit.linear = lit.display;
         return;
     }
     Facets facet;
-    facets_at<TYPES>(look, scene.meshes, surface, place, facet);
+    facet_at<TYPES>(look, scene.meshes, surface, place, facet);
     const bool at_corners
         = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
     Lits own;
-    const auto illuminate = [&](const auto&... eye) {
+    const auto light_corners = [&](const auto&... eye) {
         illuminate_eight<SHADOWS, LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
     };
-    if constexpr (LENS == SPREAD)
-        illuminate(beams.start);
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        light_corners(beams.start);
     else
-        illuminate();
-    lit = BY_CORNERS ? Lits { own.linear, chosen(inside, lit.display, own.display) } : own;
+        light_corners();
+    lit = BY_CORNERS ? Lits { own.linear, select(inside, lit.display, own.display) } : own;
 }
 
-// As many packets of a shape are drawn together, step by step: what one step of a packet waits for, those of others
-// fill.
+// Packets of a shape that are shaded together, step by step: the others fill the latency of each one's steps.
 constexpr int TOGETHER = 4;
 
-// Of the last packet's pixels `rest` count, of the others' all.
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Looks, class List, class Scene_, class Rows, class Paint>
-WARPCAM_APART inline void paint_packets(const Looks& look, const Levels* levels, int id, const List& lights,
-                                        const Scene_& scene, const Rows& rows, Vec gain, const EightHits* hits,
-                                        const short* pixels, int packets, int rest, Paint& painted)
+// Shades packets; of the last packet `rest` pixels count, of the others all.
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
+          class PbrInputs>
+WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id,
+                                               const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
+                                               const EightHits* hits, const short* pixels, int packets, int rest,
+                                               PbrInputs& painted)
 {
-    using Wants = Wanted<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
-    const Pose& pose = look.pose;
-    const Floats one = 1.0f;
-    Vecs rays[TOGETHER], textures[TOGETHER];
-    Beams beams[TOGETHER];
-    Surfaces surfaces[TOGETHER];
-    const auto count_of = [&](int packet) { return packet + 1 < packets ? PACKET : rest; };
+    const ShapeFromCamera& pose = look.pose;
+    const Float8 one = 1.0f;
+    Vec3x8 rays[TOGETHER], textures[TOGETHER];
+    OffsetRay8 beams[TOGETHER];
+    SurfaceInteraction8 surfaces[TOGETHER];
+    const auto count_of = [&](int packet) { return packet + 1 < packets ? SIMD_WIDTH : rest; };
     for (int n = 0; n < packets; ++n) {
         const EightHits& hit = hits[n];
         beams_of<LENS>(hit.x, hit.y, beams[n]);
-        rays[n] = local_of(pose, beams[n].direction);
-        const Vecs away = has_centre(LENS) ? hit.depth * rays[n] : local_of(pose, places_on<LENS>(beams[n], hit.depth));
-        surfaces_at<TYPES>(pose, scene.meshes, scene.fields, hit.faces, eight_of(pose.eye()) + away, rays[n],
-                           surfaces[n]);
+        rays[n] = pose.local(beams[n].direction);
+        const Vec3x8 away = has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(beams[n], hit.depth));
+        surfaces[n].local = broadcast(pose.eye()) + away;
+        find_surface<TYPES>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
-    const auto steps = [&](int n, Vecs& right, Vecs& down) {
-        Beams across, below;
-        rows.steps(pixels + n * PACKET, count_of(n), hits[n].x, hits[n].y, across, below);
-        right = local_of(pose, places_on<LENS>(across, hits[n].depth));
-        down = local_of(pose, places_on<LENS>(below, hits[n].depth));
+    const auto steps = [&](int n, Vec3x8& right, Vec3x8& down) {
+        OffsetRay8 across, below;
+        rows.steps(pixels + n * SIMD_WIDTH, count_of(n), hits[n].x, hits[n].y, across, below);
+        right = pose.local(places_on<LENS>(across, hits[n].depth));
+        down = pose.local(places_on<LENS>(below, hits[n].depth));
     };
     if constexpr (Wants::TEXTURED)
         if (levels) {
             texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets,
                                   textures);
             for (int n = 0; Wants::COATED && n < packets; ++n)
-                textures[n] = decoded(textures[n]);
+                textures[n] = srgb_to_linear(textures[n]);
         }
     if constexpr ((IMAGES & NORMALS) != 0)
         for (int n = 0; n < packets; ++n)
-            painted.put_normals(pixels + n * PACKET, count_of(n),
+            painted.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
                                 facing_normals<TYPES>(look, scene, surfaces[n], rays[n]));
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
-            const Vecs albedo = times(eight_of(clip(to_vec(look.finish.color))), textures[n]);
-            painted.put_albedo(pixels + n * PACKET, count_of(n), Wants::COATED ? encoded(albedo) : albedo);
+            const Vec3x8 albedo = mul(broadcast(clip(as_vec3(look.finish.color))), textures[n]);
+            painted.put_albedo(pixels + n * SIMD_WIDTH, count_of(n), Wants::COATED ? linear_to_srgb(albedo) : albedo);
         }
     for (int n = 0; Wants::LIT && n < packets; ++n) {
-        const Vecs place = places_on<LENS>(beams[n], hits[n].depth);
-        const Ints shadow = SHADOWS ? hits[n].shadow : (Ints)0;
+        const Vec3x8 place = places_on<LENS>(beams[n], hits[n].depth);
+        const Int8 shadow = SHADOWS ? hits[n].shadow : (Int8)0;
         Lits lit;
         if constexpr (Wants::LIT && Wants::COATED) {
-            const Vecs to_eye = LENS == ORTHOGRAPHIC || LENS == SPREAD ? -beams[n].direction : -normalized(place);
-            const auto own_steps = [&](Vecs& right, Vecs& down) { steps(n, right, down); };
+            const Vec3x8 to_eye =
+                LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -beams[n].direction : -normalized(place);
+            const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
             shade_eight_physically<TYPES, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
-            if (FACTS & EXPOSED)
-                lit.linear = times(eight_of(gain), lit.linear);
-            lit.display = encoded(lit.linear);
+            if (FACTS & HAS_EXPOSURE)
+                lit.linear = mul(broadcast(gain), lit.linear);
+            lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<TYPES, LENS, FACTS, Paint::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n], beams[n],
-                                                           place, shadow, lit);
-            const Vecs scaled = FACTS & EXPOSED ? times(eight_of(gain), textures[n]) : textures[n];
-            lit = { times(lit.linear, scaled), times(lit.display, scaled) };
+            light_eight<TYPES, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+                                                               beams[n], place, shadow, lit);
+            const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
+            lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
         }
-        painted.put_light(pixels + n * PACKET, count_of(n), lit.linear, lit.display, 0xff000000u);
+        painted.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
     }
 }
 
-// What is behind everything.
-template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class Paint>
-WARPCAM_APART inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
-                                           Vec gain, const short* pixels, int count, Paint& painted)
+// Writes the background.
+template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
+WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
+                                           Vec3 gain, const short* pixels, int count, PbrInputs& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
-    Vecs color = eight_of(to_vec(background.color));
+    Vec3x8 color = broadcast(as_vec3(background.color));
     const Image image = FACTS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
-    const Matrix& r = rows.camera.rotation;
-    const auto axis = [&](int k) { return eight_of(Vec { r.at[0][k], r.at[2][k], -r.at[1][k] }); };
-    const Vecs x_axis = axis(0), y_axis = axis(1), z_axis = axis(2);
-    const auto to_sky = [&](Vecs v) { return v.x * x_axis + v.y * y_axis + v.z * z_axis; };
+    const Mat3& r = rows.camera.rotation;
+    const auto axis = [&](int k) { return broadcast(Vec3 { r.at[0][k], r.at[2][k], -r.at[1][k] }); };
+    const Vec3x8 x_axis = axis(0), y_axis = axis(1), z_axis = axis(2);
+    const auto to_sky = [&](Vec3x8 v) { return v.x * x_axis + v.y * y_axis + v.z * z_axis; };
     const Levels levels(image, 6);
-    for (int first = 0; first < count; first += PACKET) {
-        const int some = lower_int(PACKET, count - first);
+    for (int first = 0; first < count; first += SIMD_WIDTH) {
+        const int some = min(SIMD_WIDTH, count - first);
         if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
-            Floats x, y;
-            Beams beams, right, down;
+            Float8 x, y;
+            OffsetRay8 beams, right, down;
             rows.find(pixels + first, some, x, y);
             rows.steps(pixels + first, some, x, y, right, down);
             beams_of<LENS>(x, y, beams);
             if (LENS == ORTHOGRAPHIC && scene.frame.horizon > 0.0f) {
-                const auto upright = [&](Vecs v) {
-                    const Vecs d = to_sky(v);
-                    return Vecs { d.x, -d.z, d.y };
+                const auto upright = [&](Vec3x8 v) {
+                    const Vec3x8 d = to_sky(v);
+                    return Vec3x8 { d.x, -d.z, d.y };
                 };
-                const Vecs place = place_on_sky(upright(beams.start), upright(beams.direction),
-                                                (Floats)(SKY_DISTANCE * scene.frame.horizon));
-                sample_cubes(scene.textures.texels.data, levels, Vecs { place.x, place.z, -place.y },
+                const Vec3x8 place = place_on_sky(upright(beams.start), upright(beams.direction),
+                                                (Float8)(SKY_DISTANCE * scene.frame.horizon));
+                sample_cubes(scene.textures.texels.data, levels, Vec3x8 { place.x, place.z, -place.y },
                              to_sky(right.start), to_sky(down.start), color);
             } else {
                 sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
                              to_sky(down.direction), color);
             }
         }
-        Vecs linear = color, display = color;
+        Vec3x8 linear = color, display = color;
         if constexpr ((FACTS & PHYSICAL) != 0) {
-            linear = decoded(color);
+            linear = srgb_to_linear(color);
             if constexpr ((FACTS & HAS_SKYBOX) != 0)
-                linear = times(eight_of(lights.sky.gain), linear);
+                linear = mul(broadcast(lights.sky.gain), linear);
         }
-        if (FACTS & EXPOSED)
-            linear = display = times(eight_of(gain), linear);
-        if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | EXPOSED)) != 0)
-            display = encoded(linear);
+        if (FACTS & HAS_EXPOSURE)
+            linear = display = mul(broadcast(gain), linear);
+        if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
+            display = linear_to_srgb(linear);
         painted.put_light(pixels + first, some, linear, display, 0u);
     }
 }
 
-// What eight pixels show, of which `count` are given; the others are the last again.
+// Loads the hits of eight pixels, of which `count` are given; further lanes repeat the last.
 template <int TYPES, bool SHADOWS, int WIDTH, class Frame, class Rows>
 inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count,
                       EightHits& hits)
@@ -297,19 +301,19 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
         if (FACES) {
-            Ints faces = load_eight(frame.face.data + at);
+            Int8 faces = load8(frame.face.data + at);
             if ((TYPES >> HEIGHT_FIELD & 1) && sizeof *frame.face.data == 2)
                 faces |= faces == 0xffff;  // see stored_face()
-            store_eight(hits.faces, faces);
+            store8(hits.faces, faces);
         }
         if (SHADOWS)
-            hits.shadow = load_eight(frame.shadow.data + at);
+            hits.shadow = load8(frame.shadow.data + at);
         return;
     }
-    float depth[PACKET];
-    int shadow[PACKET];
-    for (int k = 0; k < PACKET; ++k) {
-        const int pixel = pixels[lower_int(k, count - 1)];
+    float depth[SIMD_WIDTH];
+    int shadow[SIMD_WIDTH];
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const int pixel = pixels[min(k, count - 1)];
         const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
         depth[k] = frame.depth.data[at];
         if (FACES)
@@ -323,14 +327,14 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
 }
 
 // Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
-template <int TYPES, int LENS, int IMAGES, int FACTS, int WIDTH, int ROOM, bool BEHIND, class List, class Scene_,
-          class Rows, class LookAt, class Paint>
-inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
-                         int world, size_t first, const LookAt& look_at, Paint& painted)
+template <int TYPES, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
+          class Rows, class LookAt, class PbrInputs>
+inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
+                         int world, size_t first, const LookAt& look_at, PbrInputs& painted)
 {
-    using Wants = Wanted<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FACTS>;
     const auto& frame = scene.frame;
-    const Vec gain = exposed<FACTS>(scene, world, { 1.0f, 1.0f, 1.0f });
+    const Vec3 gain = exposed<FACTS>(scene, world, { 1.0f, 1.0f, 1.0f });
     for (int group = 0, begin = 0; group < sorted.count; begin = sorted.ends[group++]) {
         const int id = sorted.shapes[group], total = sorted.ends[group] - begin;
         const short* const pixels = sorted.order + begin;
@@ -349,17 +353,17 @@ inline void paint_sorted(const Sorted<ROOM>& sorted, const List& lights, const S
             faces = look.layout.cube ? 6 : 1;
         }
         const Levels levels(image, faces);
-        for (int done = 0; done < total; done += TOGETHER * PACKET) {
+        for (int done = 0; done < total; done += TOGETHER * SIMD_WIDTH) {
             EightHits hits[TOGETHER];
-            const int packets = lower_int(TOGETHER, (total - done + PACKET - 1) / PACKET);
+            const int packets = min(TOGETHER, (total - done + SIMD_WIDTH - 1) / SIMD_WIDTH);
             for (int n = 0; n < packets; ++n) {
-                const int from = done + n * PACKET;
+                const int from = done + n * SIMD_WIDTH;
                 load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
-                                                                            lower_int(PACKET, total - from), hits[n]);
+                                                                            min(SIMD_WIDTH, total - from), hits[n]);
             }
             paint_packets<TYPES, LENS, IMAGES, FACTS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,
-                lower_int(PACKET, total - done - (packets - 1) * PACKET), painted);
+                min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), painted);
         }
     }
 }

@@ -6,21 +6,21 @@
 namespace warpcam {
 
 // Pixels by shape. Those that see nothing are a shape of their own, -1.
-template <int ROOM> struct Sorted {
-    static constexpr unsigned SLOTS = 2 * ROOM;
-    short order[ROOM + PACKET];  // pixels, group after group; with room for what is written too many
-    int shapes[ROOM + 1], ends[ROOM + 1];  // by group, the first of nothing; where its pixels end
-    short places[ROOM + 1];  // by group: how many runs it has, then where its next goes
-    short table[SLOTS];      // groups by a hash of their shape; -1: free
+template <int SIZE> struct Sorted {
+    static constexpr unsigned HASH_SLOTS = 2 * SIZE;
+    short order[SIZE + SIMD_WIDTH];  // pixels, group after group; with room for what is written too many
+    int shapes[SIZE + 1], ends[SIZE + 1];  // by group, the first of nothing; where its pixels end
+    short places[SIZE + 1];  // by group: how many runs it has, then where its next goes
+    short table[HASH_SLOTS];      // groups by a hash of their shape; -1: free
     struct Run {
         short group, first, end;  // pixels of one row
-    } runs[ROOM], in_order[ROOM];
+    } runs[SIZE], in_order[SIZE];
     int count;
 
     int find(int shape)
     {
-        unsigned slot = (unsigned(shape) * 0x9e3779b1u >> 16) % SLOTS;
-        for (; table[slot] >= 0; slot = (slot + 1) % SLOTS)
+        unsigned slot = (unsigned(shape) * 0x9e3779b1u >> 16) % HASH_SLOTS;
+        for (; table[slot] >= 0; slot = (slot + 1) % HASH_SLOTS)
             if (shapes[table[slot]] == shape)
                 return table[slot];
         table[slot] = short(count);
@@ -31,9 +31,9 @@ template <int ROOM> struct Sorted {
 
     // The pixels of rows that are `width` long; a row has room for WIDTH.
     template <int WIDTH, class Array>
-    WARPCAM_APART void sort(const Array& ids, size_t first, int pitch, int width, int rows)
+    WARPCAM_NOINLINE_CPU void sort(const Array& ids, size_t first, int pitch, int width, int rows)
     {
-        for (unsigned slot = 0; slot < SLOTS; ++slot)
+        for (unsigned slot = 0; slot < HASH_SLOTS; ++slot)
             table[slot] = -1;
         count = 0;
         int total = 0, last = -1, group = find(-1);
@@ -43,12 +43,12 @@ template <int ROOM> struct Sorted {
             int number = 0;
             for (int column = 0; column < width;) {
                 unsigned long long changes = 0;  // pixels that show another shape than the one before, of 64
-                const int base = column, end = lower_int(width, base + 64);
-                for (; column + PACKET <= end; column += PACKET) {
-                    const Ints own = load_eight(line + column);
-                    const Ints before = column == 0 ? __builtin_shufflevector(own, ~own, 8, 0, 1, 2, 3, 4, 5, 6)
-                                                    : load_eight(line + column - 1);
-                    changes |= static_cast<unsigned long long>(bits_of(own != before)) << (column - base);
+                const int base = column, end = min(width, base + 64);
+                for (; column + SIMD_WIDTH <= end; column += SIMD_WIDTH) {
+                    const Int8 own = load8(line + column);
+                    const Int8 before = column == 0 ? __builtin_shufflevector(own, ~own, 8, 0, 1, 2, 3, 4, 5, 6)
+                                                    : load8(line + column - 1);
+                    changes |= static_cast<unsigned long long>(movemask(own != before)) << (column - base);
                 }
                 for (; column < end; ++column)
                     if (column == 0 || line[column] != line[column - 1])
@@ -82,8 +82,8 @@ template <int ROOM> struct Sorted {
             int k = in_order[i].first;
             const int end = in_order[i].end;
             for (short* at = to; k < end;
-                 k += PACKET, at += PACKET) {  // what it writes too many is written over by the next
-                typedef short Shorts __attribute__((ext_vector_type(PACKET)));
+                 k += SIMD_WIDTH, at += SIMD_WIDTH) {  // what it writes too many is written over by the next
+                typedef short Shorts __attribute__((ext_vector_type(SIMD_WIDTH)));
                 const Shorts pixels = short(k) + Shorts { 0, 1, 2, 3, 4, 5, 6, 7 };
                 __builtin_memcpy(at, &pixels, sizeof pixels);
             }

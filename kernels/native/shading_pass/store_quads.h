@@ -16,9 +16,9 @@ constexpr bool in_quads(int images)
 constexpr int QUAD = 4;
 
 // A number of 0 to 255 in the lowest byte.
-WARPCAM_FN unsigned low_byte(float unit) { return unsigned(as_int(saturated(unit) * 255.0f + WHOLE_NUMBERS)); }
+WARPCAM_DEVICE unsigned low_byte(float unit) { return unsigned(as_int(saturate(unit) * 255.0f + WHOLE_NUMBERS)); }
 
-WARPCAM_FN unsigned four_bytes(unsigned a, unsigned b, unsigned c, unsigned d)
+WARPCAM_DEVICE unsigned four_bytes(unsigned a, unsigned b, unsigned c, unsigned d)
 {
     return __byte_perm(__byte_perm(a, b, 0x0040), __byte_perm(c, d, 0x0040), 0x5410);
 }
@@ -28,7 +28,7 @@ template <int IMAGES> struct Quad {
     static constexpr int WORDS = IMAGES & HDR ? 3 * QUAD : IMAGES & RGBA ? QUAD : 3;
     unsigned words[WORDS];
 
-    WARPCAM_FN void fill(const Vec (&colors)[QUAD])
+    WARPCAM_DEVICE void fill(const Vec3 (&colors)[QUAD])
     {
         unsigned bytes[QUAD][3];
 #pragma unroll
@@ -52,8 +52,8 @@ template <int IMAGES> struct Quad {
         }
     }
 
-    // Of the twelve bytes without alpha.
-    WARPCAM_FN unsigned bare(int n) const
+    // Word `n` of the twelve bytes without alpha.
+    WARPCAM_DEVICE unsigned bare(int n) const
     {
         if constexpr (WORDS == 3)
             return words[n];
@@ -66,7 +66,7 @@ template <int IMAGES> struct Quad {
 // is the number of the pixel that a lane's row of such begins with, `piece` the lane's place in it; `corner` that of
 // the strip.
 template <int IMAGES, class Images_>
-WARPCAM_FN void store_quads(const Images_& images, const Quad<IMAGES>& quad, bool drawn, unsigned own, unsigned first,
+WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad, bool drawn, unsigned own, unsigned first,
                             int piece, unsigned corner, int width, int lane, float* row_of_lanes)
 {
     if constexpr ((IMAGES & RGBA) != 0)

@@ -8,7 +8,7 @@
 
 namespace warpcam {
 
-// What of Scene a look needs.
+// Part of Scene that an appearance needs.
 struct Unlit {
     float horizon;
 };
@@ -21,16 +21,16 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
     const Textures& textures;
 };
 
-// What a block keeps for it. FACTS: of shading/appearance.h.
+// Shared memory of the albedo writer. FACTS: of shading/appearance.h.
 template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
     static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
-    using Wants = Wanted<ALBEDO, FACTS>;
-    using Looks = Look<TYPES, Wants>;
+    using Wants = ShadingNeeds<ALBEDO, FACTS>;
+    using Appearances = ShapeAppearance<TYPES, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);
     static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
-    static constexpr int WARPS = THREADS / LANES, ACROSS = WIDTH / TILE_WIDTH, TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
-    static constexpr int KEPT = TEXTURED && CAPACITY <= LANES ? CAPACITY : 0;  // looks
-    static_assert(TILES <= WARPS * LANES);
+    static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH, TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
+    static constexpr int CACHED = TEXTURED && CAPACITY <= WARP_SIZE ? CAPACITY : 0;  // looks
+    static_assert(TILES <= WARPS * WARP_SIZE);
     // In place of a colour's bytes: the floor's texture; a texture that is looked up later.
     static constexpr unsigned ON_FLOOR = 1u << 30, LATER = 1u << 31;
 
@@ -38,23 +38,23 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         unsigned color;
         int id;
     };
-    template <int TALL> struct Slots {
-        Slot at[TALL];
+    template <int TILES_PER_WARP> struct Slots {
+        Slot at[TILES_PER_WARP];
     };
 
     unsigned words[CAPACITY];           // by place among the drawn shapes
     Slot slots[CAPACITY + 1];           // the first of nothing
     unsigned later[TEXTURED ? TILES : 1];  // pixels of each tile
-    unsigned short queue[TEXTURED ? WARPS : 1][2 * LANES];  // numbers of such
-    Looks looks[KEPT > 0 ? KEPT : 1];
+    unsigned short queue[TEXTURED ? WARPS : 1][2 * WARP_SIZE];  // numbers of such
+    Appearances looks[CACHED > 0 ? CACHED : 1];
     unsigned endless;                   // the endless floor's word
     BareGrid floor;                     // its shape: -1 where there is none that is looked up at once
-    Row u, v;  // by x and y of a ray at depth 1, and without them; w: bits of the eye's [images]
-    Row color;                          // of the floor, of 255; w: bits of its coarsest level
+    Float3Int u, v;  // by x and y of a ray at depth 1, and without them; w: bits of the eye's [images]
+    Float3Int color;                          // of the floor, of 255; w: bits of its coarsest level
     float right[FLOORS ? HEIGHT : 1], down[FLOORS ? WIDTH : 1];  // levels at depth 1, by row and by column
 
     template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures>
-    WARPCAM_FN static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
+    WARPCAM_DEVICE static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                     const Materials& materials, const Textures& textures)
     {
         using Scene_ = PaintScene<Shapes, Meshes, HeightFields, Materials, Textures>;
@@ -62,19 +62,19 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 
     // Loads what shapes look like, while the block's first threads list them.
-    template <class Scene_> WARPCAM_FN void begin(const Scene_& scene, const Camera& camera, const Region& region,
+    template <class Scene_> WARPCAM_DEVICE void begin(const Scene_& scene, const Camera& camera, const Region& region,
                                                   int plane, int world, int thread)
     {
         if constexpr (TEXTURED)
             for (int tile = thread; tile < TILES; tile += THREADS)
                 later[tile] = 0u;
         if constexpr (FLOORS)
-            if (thread >= THREADS - LANES)
-                see(scene, camera, region, plane, world, thread % LANES);
+            if (thread >= THREADS - WARP_SIZE)
+                see(scene, camera, region, plane, world, thread % WARP_SIZE);
         for (int i = (thread + THREADS / 2) % THREADS; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            const Finish finish = load_finish<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
-            words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(to_vec(finish.color))
+            const ResolvedMaterial finish = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
+            words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(as_vec3(finish.color))
                 : FLOORS && id == plane                                        ? ON_FLOOR
                                                                                 : LATER;
         }
@@ -82,22 +82,22 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // By one warp, which draws fewer tiles for it: they are needed when all are drawn.
     template <class Scene_>
-    WARPCAM_FN void load_looks(const Scene_& scene, const Camera& camera, int world, int thread)
+    WARPCAM_DEVICE void load_looks(const Scene_& scene, const Camera& camera, int world, int thread)
     {
-        if constexpr (KEPT > 0)
-            if (const int i = thread - (THREADS - LANES); i >= 0 && i < scene.shapes.drawn.shape[0])
-                looks[i] = look_of<TYPES, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
+        if constexpr (CACHED > 0)
+            if (const int i = thread - (THREADS - WARP_SIZE); i >= 0 && i < scene.shapes.drawn.shape[0])
+                looks[i] = load_appearance_for<TYPES, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
     }
 
-    // What pixels of the floor share; by one warp.
+    // Computes what pixels of the plane share; by one warp.
     template <class Scene_>
-    WARPCAM_FN void see(const Scene_& scene, const Camera& camera, const Region& region, int plane, int world, int lane)
+    WARPCAM_DEVICE void see(const Scene_& scene, const Camera& camera, const Region& region, int plane, int world, int lane)
     {
         if (lane == 0)
             floor.shape = -1;
         if (plane < 0)
             return;
-        const Looks look = look_of<TYPES, Wants>(scene, camera, world, plane);
+        const Appearances look = load_appearance_for<TYPES, Wants>(scene, camera, world, plane);
         unsigned long long sheet = 0;
         if constexpr (!MIPS)
             sheet = sheet_of(scene.textures, look.finish.color.w);
@@ -107,7 +107,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             if (lane == 0) {
                 view_floor(floor.view, look, camera);
                 floor.view.sheet = sheet;
-                floor.color = clip(to_vec(look.finish.color));
+                floor.color = clip(as_vec3(look.finish.color));
                 floor.shape = plane;
             }
         } else {
@@ -115,31 +115,31 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         }
         __syncwarp();
         const FloorView& view = floor.view;
-        const Row ax = view.axis_x, ay = view.axis_y, az = view.axis_z, place = view.place;
+        const Float3Int ax = view.axis_x, ay = view.axis_y, az = view.axis_z, place = view.place;
         if (lane == 0) {
-            u = { place.x * ax.x, place.x * ax.y, -place.x * ax.z, as_int(muladd(place.x, as_float(ax.w), place.z)) };
+            u = { place.x * ax.x, place.x * ax.y, -place.x * ax.z, as_int(fma(place.x, as_float(ax.w), place.z)) };
             v = { place.y * ay.x, place.y * ay.y, -place.y * ay.z,
-                  as_int(muladd(place.y, as_float(ay.w), as_float(place.w))) };
-            color = to_row(255.0f * floor.color, as_int(float(view.count - 1)));
+                  as_int(fma(place.y, as_float(ay.w), as_float(place.w))) };
+            color = make_float3_int(255.0f * floor.color, as_int(float(view.count - 1)));
             if (!view.plain || view.count == 0 || !view.sheet)
                 floor.shape = -1;
         }
         // A step on the texture changes along the other direction alone: see FloorView and StripPlan.
-        const float rate = reciprocal(nonzero(as_float(az.w)));
-        const auto level = [&](const Row& step, float x, float y) {
+        const float rate = rcp(avoid_zero(as_float(az.w)));
+        const auto level = [&](const Float3Int& step, float x, float y) {
             const float z = az.x * x + az.y * y - az.z;
             const float du = rate * (step.x * z - step.y * (ax.x * x + ax.y * y - ax.z));
             const float dv = rate * (step.z * z - as_float(step.w) * (ay.x * x + ay.y * y - ay.z));
-            return 0.5f * logarithm2(upper(du * du + dv * dv, TINY));
+            return 0.5f * log2(max(du * du + dv * dv, MIN_NORMAL));
         };
-        for (int row = lane; row < HEIGHT; row += LANES)
+        for (int row = lane; row < HEIGHT; row += WARP_SIZE)
             right[row] = level(view.right, 0.0f, image_y(camera, float(region.top + row)));
-        for (int column = lane; column < WIDTH; column += LANES)
+        for (int column = lane; column < WIDTH; column += WARP_SIZE)
             down[column] = level(view.down, image_x(camera, float(region.left + column)), 0.0f);
     }
 
     // Gives slots their shapes' words, once these are listed.
-    template <class List> WARPCAM_FN void face(const List& list, int thread, int threads)
+    template <class List> WARPCAM_DEVICE void face(const List& list, int thread, int threads)
     {
         for (int slot = threads - 2 - thread; slot < list.count; slot += threads) {
             unsigned word = slot < 0 ? 0u : words[list.records[slot].axis_z.w];
@@ -151,129 +151,129 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         }
     }
 
-    template <int TALL> WARPCAM_FN Slots<TALL> slots_of(const Hit (&hits)[TALL]) const
+    template <int TILES_PER_WARP> WARPCAM_DEVICE Slots<TILES_PER_WARP> slots_of(const Hit (&hits)[TILES_PER_WARP]) const
     {
-        Slots<TALL> found;
-        for (int k = 0; k < TALL; ++k)
+        Slots<TILES_PER_WARP> found;
+        for (int k = 0; k < TILES_PER_WARP; ++k)
             found.at[k] = slots[hits[k].shape + 1];
         return found;
     }
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
-    template <class Canvas_, class Ray_, int TALL>
-    WARPCAM_FN void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
-                          const Slots<TALL>& found)
+    template <class Canvas_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
+                          const Slots<TILES_PER_WARP>& found)
     {
-        unsigned shown[TALL], all = 0u;
-        for (int k = 0; k < TALL; ++k) {
+        unsigned shown[TILES_PER_WARP], all = 0u;
+        for (int k = 0; k < TILES_PER_WARP; ++k) {
             shown[k] = found.at[k].color;
             all |= shown[k];
         }
-        if (FLOORS && any_lane(all & ON_FLOOR))
+        if (FLOORS && warp_any(all & ON_FLOOR))
             paint_floor<false>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
-        if (TEXTURED && any_lane(all & LATER))
-            leave(canvas, i, j, shown);
+        if (TEXTURED && warp_any(all & LATER))
+            intersect_exit(canvas, i, j, shown);
         store(canvas, i, j, shown);
     }
 
-    // The same where all hits are on the endless floor.
-    template <class Canvas_, class Ray_, int TALL>
-    WARPCAM_FN void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL])
+    // Writes pixels whose hits are all on the infinite plane.
+    template <class Canvas_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP])
     {
         const unsigned word = endless;
-        unsigned shown[TALL];
-        for (int k = 0; k < TALL; ++k)
+        unsigned shown[TILES_PER_WARP];
+        for (int k = 0; k < TILES_PER_WARP; ++k)
             shown[k] = word;
         if (FLOORS && word == ON_FLOOR)
             paint_floor<true>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
         else if (TEXTURED && word == LATER)
-            leave(canvas, i, j, shown);
+            intersect_exit(canvas, i, j, shown);
         store(canvas, i, j, shown);
     }
 
     // Notes what is painted later.
-    template <class Canvas_, int TALL>
-    WARPCAM_FN void leave(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TALL])
+    template <class Canvas_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void intersect_exit(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP])
     {
         const int tile = (j - canvas.region.top) / TILE_HEIGHT * ACROSS + (i - canvas.region.left) / TILE_WIDTH;
-        for (int k = 0; k < TALL; ++k) {
-            const unsigned pixels = __ballot_sync(ALL, shown[k] & LATER);
-            if (threadIdx.x % LANES == 0)
+        for (int k = 0; k < TILES_PER_WARP; ++k) {
+            const unsigned pixels = __ballot_sync(FULL_WARP, shown[k] & LATER);
+            if (threadIdx.x % WARP_SIZE == 0)
                 later[tile + k * ACROSS] = pixels;
         }
     }
 
-    template <class Canvas_, int TALL>
-    WARPCAM_FN void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TALL]) const
+    template <class Canvas_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP]) const
     {
         // Four neighbours store their twelve bytes as three words.
         const int piece = threadIdx.x & 3;
         const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
         unsigned char* image = canvas.target.albedo.data + piece;
-        unsigned joined[TALL];
-        for (int k = 0; k < TALL; ++k)
-            joined[k] = __byte_perm(shown[k], __shfl_down_sync(ALL, shown[k], 1), bytes);
+        unsigned joined[TILES_PER_WARP];
+        for (int k = 0; k < TILES_PER_WARP; ++k)
+            joined[k] = __byte_perm(shown[k], __shfl_down_sync(FULL_WARP, shown[k], 1), bytes);
         if (piece < 3)
-            for (int k = 0; k < TALL; ++k)
+            for (int k = 0; k < TILES_PER_WARP; ++k)
                 *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined[k];
     }
 
     // EVERY: all hits are on it.
-    template <bool EVERY, class Ray_, int TALL>
-    WARPCAM_FN void paint_floor(int column, int row, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
-                                unsigned (&shown)[TALL])
+    template <bool ALL_LANES, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void paint_floor(int column, int row, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
+                                unsigned (&shown)[TILES_PER_WARP])
     {
-        const Row across = u, along = v, own_color = color;
+        const Float3Int across = u, along = v, own_color = color;
         const float own = down[column], coarsest = as_float(own_color.w);
         const float start_u = across.x * rays[0].x + across.z, start_v = along.x * rays[0].x + along.z;
         const unsigned long long sheet = floor.view.sheet;
-        for (int k = 0; k < TALL; ++k) {
+        for (int k = 0; k < TILES_PER_WARP; ++k) {
             const float depth = hits[k].depth;
-            const float at_u = muladd(depth, across.y * rays[k].y + start_u, as_float(across.w));
-            const float at_v = muladd(depth, along.y * rays[k].y + start_v, as_float(along.w));
-            const float steps = upper(own, right[row + k * TILE_HEIGHT]);
-            Vec texel;
+            const float at_u = fma(depth, across.y * rays[k].y + start_u, as_float(across.w));
+            const float at_v = fma(depth, along.y * rays[k].y + start_v, as_float(along.w));
+            const float steps = max(own, right[row + k * TILE_HEIGHT]);
+            Vec3 texel;
             if constexpr (MIPS) {
-                texel = look_up(sheet, at_u, at_v, 2.0f * logarithm2(depth) + steps);
+                texel = look_up(sheet, at_u, at_v, 2.0f * log2(depth) + steps);
             } else {
-                const float detail = lower(upper(2.0f * logarithm2(depth) + steps, 0.0f), coarsest);
+                const float detail = min(max(2.0f * log2(depth) + steps, 0.0f), coarsest);
                 const float base = __fadd_rd(detail, WHOLE_NUMBERS);
                 const int level = as_int(base) - as_int(WHOLE_NUMBERS);
                 texel = sample_sheet(sheet, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
                                      detail - (base - WHOLE_NUMBERS));
             }
-            const unsigned red = unsigned(as_int(muladd(texel.x, own_color.x, WHOLE_NUMBERS)));
-            const unsigned green = unsigned(as_int(muladd(texel.y, own_color.y, WHOLE_NUMBERS)));
-            const unsigned blue = unsigned(as_int(muladd(texel.z, own_color.z, WHOLE_NUMBERS)));
+            const unsigned red = unsigned(as_int(fma(texel.x, own_color.x, WHOLE_NUMBERS)));
+            const unsigned green = unsigned(as_int(fma(texel.y, own_color.y, WHOLE_NUMBERS)));
+            const unsigned blue = unsigned(as_int(fma(texel.z, own_color.z, WHOLE_NUMBERS)));
             const unsigned word = __byte_perm(__byte_perm(red, green, 0x0040), blue, 0x6410);
-            shown[k] = EVERY || shown[k] == ON_FLOOR ? word : shown[k];
+            shown[k] = ALL_LANES || shown[k] == ON_FLOOR ? word : shown[k];
         }
     }
 
     // Paints what was left, once all tiles are drawn.
-    template <class Scene_, class Target> WARPCAM_FN void finish(const Scene_& scene, const Target& target,
+    template <class Scene_, class Target> WARPCAM_DEVICE void finish(const Scene_& scene, const Target& target,
                                                                  const Camera& camera, const Region& region, int world,
                                                                  int thread)
     {
         if constexpr (TEXTURED) {
-            const int lane = thread % LANES, warp = thread / LANES;
+            const int lane = thread % WARP_SIZE, warp = thread / WARP_SIZE;
             unsigned short* own = queue[warp];
             const unsigned mine = warp + lane * WARPS < TILES ? later[warp + lane * WARPS] : 0u;
-            unsigned tiles = __ballot_sync(ALL, mine != 0u);
+            unsigned tiles = __ballot_sync(FULL_WARP, mine != 0u);
             int waiting = 0;
             while (tiles || waiting > 0) {
-                while (tiles && waiting < LANES) {
-                    const int bit = lowest_bit(tiles);
-                    const unsigned pixels = __shfl_sync(ALL, mine, bit);
+                while (tiles && waiting < WARP_SIZE) {
+                    const int bit = ctz(tiles);
+                    const unsigned pixels = __shfl_sync(FULL_WARP, mine, bit);
                     tiles &= tiles - 1;
                     if (pixels >> lane & 1u)
                         own[waiting + __popc(pixels & ((1u << lane) - 1u))]
-                            = static_cast<unsigned short>((warp + bit * WARPS) * LANES + lane);
+                            = static_cast<unsigned short>((warp + bit * WARPS) * WARP_SIZE + lane);
                     waiting += __popc(pixels);
                 }
                 __syncwarp();
-                const unsigned pixel = own[lane < waiting ? lane : 0], moved = own[LANES + lane];
-                const int tile = pixel / LANES, place = pixel % LANES;
+                const unsigned pixel = own[lane < waiting ? lane : 0], moved = own[WARP_SIZE + lane];
+                const int tile = pixel / WARP_SIZE, place = pixel % WARP_SIZE;
                 const int i = region.left + tile % ACROSS * TILE_WIDTH + place % TILE_WIDTH;
                 const int j = region.top + tile / ACROSS * TILE_HEIGHT + place / TILE_WIDTH;
                 const unsigned at = (unsigned(world) * target.height + j) * target.width + i;
@@ -285,30 +285,31 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
                 __syncwarp();
                 own[lane] = static_cast<unsigned short>(moved);
                 __syncwarp();
-                waiting -= lower_int(waiting, LANES);
+                waiting -= min(waiting, WARP_SIZE);
             }
         }
     }
 
     template <class Scene_>
-    WARPCAM_FN unsigned color_at(const Scene_& scene, const Camera& camera, int world, int i, int j, const Hit& hit)
+    WARPCAM_DEVICE unsigned color_at(const Scene_& scene, const Camera& camera, int world, int i, int j, const Hit& hit)
     {
-        const ViewRay<PINHOLE> ray = view_ray<PINHOLE>(camera, i, j);
-        Shown shown;
-        if constexpr (KEPT > 0)
+        const CameraRay<PINHOLE> ray = view_ray<PINHOLE>(camera, i, j);
+        ShadedPixel shown;
+        if constexpr (CACHED > 0)
             resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
                                                            scene, camera, ray.x, ray.y, hit, 0, shown);
         else
-            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(look_of<TYPES, Wants>(scene, camera, world, hit.shape),
+            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(load_appearance_for<TYPES, Wants>(scene, camera, world, hit.shape),
                                                            None {}, scene, camera, ray.x, ray.y, hit, 0, shown);
         return to_bytes(shown.albedo);
     }
 };
 
-// As draw(), of scenes of no more shapes than a list holds. TYPES: with what colours alone ask for, too.
+// Draws as draw() does, in scenes of no more shapes than a list holds. TYPES: including the bits that only colours
+// need.
 template <int TYPES, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                              const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     using Room = Painter<TYPES, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;

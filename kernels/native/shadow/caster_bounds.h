@@ -1,4 +1,4 @@
-// What points and casters cover as a light sees them, in so few bits that those of a thousand casters are at hand.
+// Bounds of points and casters in a light's view, quantised so that a thousand casters fit in shared memory.
 #pragma once
 #include "shadow/casters.h"
 
@@ -9,45 +9,45 @@ constexpr int PLACE_BITS = 20;  // of a shape's place among those that are drawn
 constexpr unsigned LEVELS = 1u << (32 - PLACE_BITS);  // that their heights are divided into
 constexpr unsigned GUARDS = 0x80808080u;
 
-// What points cover, as the light sees them.
-struct Cover {
-    Window window;  // of those that lie before a light that shines forwards
+// Bounds of points in a light's view.
+struct ReceiverBounds {
+    LightSpaceBounds window;  // of those that lie before a light that shines forwards
     float floor, top;
     bool beside, any;  // some lie behind it; there are any at all
 
-    WARPCAM_FN void add(const Place& place)
+    WARPCAM_DEVICE void add(const LightSpacePoint& place)
     {
         any = true;
         if (place.beside) {
             beside = true;
             return;
         }
-        window = { lower(window.left, place.u), upper(window.right, place.u), lower(window.bottom, place.v),
-                   upper(window.top, place.v) };
-        floor = lower(floor, place.height);
-        top = upper(top, place.height);
+        window = { min(window.left, place.u), max(window.right, place.u), min(window.bottom, place.v),
+                   max(window.top, place.v) };
+        floor = min(floor, place.height);
+        top = max(top, place.height);
     }
 
-    WARPCAM_FN void add(const Cover& other)
+    WARPCAM_DEVICE void add(const ReceiverBounds& other)
     {
-        const Window& w = other.window;
-        window = { lower(window.left, w.left), upper(window.right, w.right), lower(window.bottom, w.bottom),
-                   upper(window.top, w.top) };
-        floor = lower(floor, other.floor);
-        top = upper(top, other.top);
+        const LightSpaceBounds& w = other.window;
+        window = { min(window.left, w.left), max(window.right, w.right), min(window.bottom, w.bottom),
+                   max(window.top, w.top) };
+        floor = min(floor, other.floor);
+        top = max(top, other.top);
         beside |= other.beside;
         any |= other.any;
     }
 };
 
-WARPCAM_FN Cover no_cover()
+WARPCAM_DEVICE ReceiverBounds no_cover()
 {
-    return { { FAR_AWAY, -FAR_AWAY, FAR_AWAY, -FAR_AWAY }, FAR_AWAY, -FAR_AWAY, false, false };
+    return { { MISS, -MISS, MISS, -MISS }, MISS, -MISS, false, false };
 }
 
 // A caster: the cells that it covers, and its height above its place among the shapes that are drawn.
 // The cells are four bytes: left, bottom, and what is right of it and above it.
-struct alignas(8) Outline {
+struct alignas(8) PackedCasterBounds {
     unsigned cells, rest;
 };
 
@@ -59,55 +59,55 @@ struct Grid {
     bool distant;  // the light is
     bool endless;  // some points are behind the light: nothing is said by what it sees
 
-    // What a light sees at its side is far away along u and v: bent, all of it lies between -1 and 1.
-    WARPCAM_FN static float bent(float x, bool distant)
+    // Maps a coordinate beside a light, which is far away along u and v, to between -1 and 1.
+    WARPCAM_DEVICE static float bent(float x, bool distant)
     {
-        const float rest = 1.0f / (1.0f + magnitude(x));  // rounded as a division is, which never turns an order round
+        const float rest = 1.0f / (1.0f + abs(x));  // rounded as a division is, which never turns an order round
         return distant ? x : x < 0.0f ? rest - 1.0f : 1.0f - rest;
     }
-    WARPCAM_FN static unsigned number(float value, float from, float rate, float last)
+    WARPCAM_DEVICE static unsigned number(float value, float from, float rate, float last)
     {
-        return unsigned(int(upper(lower((value - from) * rate, last), 0.0f)));
+        return unsigned(int(max(min((value - from) * rate, last), 0.0f)));
     }
-    WARPCAM_FN unsigned column(float u) const { return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1)); }
-    WARPCAM_FN unsigned row(float v) const { return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1)); }
-    WARPCAM_FN unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
+    WARPCAM_DEVICE unsigned column(float u) const { return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1)); }
+    WARPCAM_DEVICE unsigned row(float v) const { return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1)); }
+    WARPCAM_DEVICE unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
 
-    WARPCAM_FN Outline of_shape(const Window& w, float height, int place) const
+    WARPCAM_DEVICE PackedCasterBounds of_shape(const LightSpaceBounds& w, float height, int place) const
     {
         const unsigned last = GRID_CELLS - 1;
         return { column(w.left) | row(w.bottom) << 8 | (last - column(w.right)) << 16 | (last - row(w.top)) << 24,
                  level(height) << PLACE_BITS | unsigned(place) };
     }
 
-    // What an outline is held against: the other sides, and the lowest point.
-    WARPCAM_FN Outline of_points(const Cover& cover) const
+    // Packs the bounds of points for a comparison with casters: the opposite sides, and the lowest point.
+    WARPCAM_DEVICE PackedCasterBounds of_points(const ReceiverBounds& cover) const
     {
         if (cover.beside)
             return { 0x7f7f7f7fu | GUARDS, 0u };
-        const Window& w = cover.window;
+        const LightSpaceBounds& w = cover.window;
         const unsigned last = GRID_CELLS - 1;
         const unsigned against = (last - column(w.left)) << 16 | (last - row(w.bottom)) << 24;
         return { column(w.right) | row(w.top) << 8 | against | GUARDS, level(cover.floor) << PLACE_BITS };
     }
 };
 
-WARPCAM_FN Grid grid_of(const Cover& all, bool distant)
+WARPCAM_DEVICE Grid grid_of(const ReceiverBounds& all, bool distant)
 {
-    const Window& w = all.window;
+    const LightSpaceBounds& w = all.window;
     const float left = Grid::bent(w.left, distant), right = Grid::bent(w.right, distant);
     const float bottom = Grid::bent(w.bottom, distant), top = Grid::bent(w.top, distant), least = 1.0e-20f;
     return { left,
              bottom,
              all.floor,
-             float(GRID_CELLS) / upper(right - left, least),
-             float(GRID_CELLS) / upper(top - bottom, least),
-             float(LEVELS) / upper(all.top - all.floor, least),
+             float(GRID_CELLS) / max(right - left, least),
+             float(GRID_CELLS) / max(top - bottom, least),
+             float(LEVELS) / max(all.top - all.floor, least),
              distant,
              all.beside };
 }
 
-WARPCAM_FN bool may_shade(const Outline& shape, const Outline& points)
+WARPCAM_DEVICE bool may_occlude(const PackedCasterBounds& shape, const PackedCasterBounds& points)
 {
     return ((points.cells - shape.cells) & GUARDS) == GUARDS && shape.rest >= points.rest;
 }

@@ -11,52 +11,52 @@
 namespace warpcam {
 
 constexpr int PATCH = 8;       // pixels along a side; two tiles
-constexpr int PICKED = LANES;  // casters that a patch tries at a time
-constexpr int WARPS = THREADS / LANES;
+constexpr int PICKED = WARP_SIZE;  // casters that a patch tries at a time
+constexpr int WARPS = THREADS / WARP_SIZE;
 
-// What one patch asks: the tiles of it that do, by bit.
+// Request of one patch: a bit for each of its tiles that asks.
 struct Patch {
-    Cover cover;
+    ReceiverBounds cover;
     int tiles;
 };
 
-template <int SIZE> struct Crowd {
+template <int SIZE> struct CasterTiles {
     static constexpr int CAPACITY = SIZE;
 
-    Outline outlines[CAPACITY];
+    PackedCasterBounds outlines[CAPACITY];
     int count;
     int next_patch;
 };
 
-// What one warp tries at a patch.
-struct Picks {
+// Casters that one warp tests against a patch.
+struct PickedCasters {
     CasterList<PICKED, false> list;
     int places[PICKED];  // among the shapes that are drawn
 };
 
-// What the points that a warp's lanes have found cover together.
-WARPCAM_FN Cover joined(const Cover& cover)
+// Union of the bounds that a warp's lanes have found.
+WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
 {
-    const Window& w = cover.window;
+    const LightSpaceBounds& w = cover.window;
     return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) }, warp_min(cover.floor),
-             -warp_min(-cover.top), __any_sync(ALL, cover.beside) != 0, __any_sync(ALL, cover.any) != 0 };
+             -warp_min(-cover.top), __any_sync(FULL_WARP, cover.beside) != 0, __any_sync(FULL_WARP, cover.any) != 0 };
 }
 
 // The point that a pixel shows, if something may keep the light from it.
 struct Asking {
     size_t at;  // the pixel
-    Vec p;
+    Vec3 p;
     int id;  // of its shape
-    Place place;
+    LightSpacePoint place;
     Span span;
     bool asks;
 };
 
 template <int LENS, class Target>
-WARPCAM_FN Asking asking_at(const Task<LENS>& task, const Target& target, int column, int row)
+WARPCAM_DEVICE Asking asking_at(const LightPass<LENS>& task, const Target& target, int column, int row)
 {
     Asking a {};
-    const LitView<LENS>& view = task.view;
+    const ReceiverView<LENS>& view = task.view;
     const int i = task.region.left + column, j = task.region.top + row;
     a.at = task.corner + unsigned(row * target.width + column);
     a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
@@ -72,12 +72,12 @@ WARPCAM_FN Asking asking_at(const Task<LENS>& task, const Target& target, int co
 
 // Looks through the patches of a region.
 template <int LENS, int WIDTH, int HEIGHT, class Target>
-WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
+WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     for (int patch = warp; patch < COUNT; patch += WARPS) {
-        warp_barrier();  // the task is read anew: in registers it would be spilled
-        Cover cover = no_cover();
+        warp_sync();  // the task is read anew: in registers it would be spilled
+        ReceiverBounds cover = no_cover();
         int tiles = 0;
         for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile) {
             const int column = patch % ACROSS * PATCH + lane % TILE_WIDTH;
@@ -85,7 +85,7 @@ WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patc
             const Asking a = asking_at(task, target, column, row);
             if (a.asks)
                 cover.add(a.place);
-            tiles |= int(__any_sync(ALL, a.asks)) << tile;
+            tiles |= int(__any_sync(FULL_WARP, a.asks)) << tile;
         }
         if (tiles)
             cover = joined(cover);
@@ -97,9 +97,9 @@ WARPCAM_FN void survey(const Task<LENS>& task, const Target& target, Patch* patc
 // Adds the outlines of shapes from `begin` on that may shade something in the region, until there is no more room;
 // returns where to go on.
 template <int TYPES, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
+WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
                                const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                               const Camera& camera, const Cover& all, const Grid& grid, int world, int thread)
+                               const Camera& camera, const ReceiverBounds& all, const Grid& grid, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
@@ -109,34 +109,34 @@ WARPCAM_FN int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, c
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
             if (prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                && (grid.endless || may_shade(caster.window, caster.height, all.window, all.floor))
+                && (grid.endless || may_occlude(caster.window, caster.height, all.window, all.floor))
                 && !transparent(shapes, materials, world, id)) {
-                const int slot = claimed(crowd.count);
+                const int slot = atomic_append(crowd.count);
                 crowd.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
             }
         }
         if (total > Crowd_::CAPACITY) {  // the next round may be too much
-            block_barrier();
-            const bool full = crowd.count + lower_int(THREADS, total - begin) > Crowd_::CAPACITY;
-            block_barrier();
+            block_sync();
+            const bool full = crowd.count + min(THREADS, total - begin) > Crowd_::CAPACITY;
+            block_sync();
             if (full)
                 break;
         }
     }
-    block_barrier();
+    block_sync();
     return begin;
 }
 
 // Picks casters that may shade a patch from outline `from` on, as many as are tried at a time; where to go on.
 template <class Crowd_>
-WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* places, int& picked, int lane)
+WARPCAM_DEVICE int pick(const Crowd_& crowd, const PackedCasterBounds& points, int from, int* places, int& picked, int lane)
 {
     picked = 0;
     while (from < crowd.count) {
         const int slot = from + lane;
-        const Outline outline = crowd.outlines[lower_int(slot, crowd.count - 1)];
-        bool mine = slot < crowd.count && may_shade(outline, points);
-        const unsigned found = __ballot_sync(ALL, mine);
+        const PackedCasterBounds outline = crowd.outlines[min(slot, crowd.count - 1)];
+        bool mine = slot < crowd.count && may_occlude(outline, points);
+        const unsigned found = __ballot_sync(FULL_WARP, mine);
         const int rank = picked + __popc(found & ((1u << lane) - 1u));
         mine = mine && rank < PICKED;
         if (mine)
@@ -144,22 +144,22 @@ WARPCAM_FN int pick(const Crowd_& crowd, const Outline& points, int from, int* p
         picked += __popc(found);
         if (picked > PICKED) {
             picked = PICKED;
-            return from + LANES - __clz(__ballot_sync(ALL, mine));  // after the last that there was room for
+            return from + WARP_SIZE - __clz(__ballot_sync(FULL_WARP, mine));  // after the last that there was room for
         }
-        from += LANES;
+        from += WARP_SIZE;
     }
     return from;
 }
 
 template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, const Materials& materials,
+WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes& shapes, const Materials& materials,
                               const Meshes& meshes, const HeightFields& fields, const LightView& light,
                               const Camera& camera, int world, int lane)
 {
     auto& list = picks.list;
     if (lane == 0)
         list.count = picked;
-    for (int slot = lane; slot < picked; slot += LANES) {
+    for (int slot = lane; slot < picked; slot += WARP_SIZE) {
         Caster caster;
         const int id = wp::index(shapes.drawn, picks.places[slot]);
         prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
@@ -171,29 +171,29 @@ WARPCAM_FN void prepare_picks(Picks& picks, int picked, const Shapes& shapes, co
     }
 }
 
-// Does one of the casters stand between a lane's point and the light? Each lane tries those that its point calls for.
+// True if a caster stands between a lane's point and the light. Each lane tests the casters that its point calls for.
 template <int TYPES, int LENS, class HeightFields>
-WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<LENS>& view, const Asking& a,
+WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const ReceiverView<LENS>& view, const Asking& a,
                           const HeightFields& fields)
 {
     const bool distant = view.light.distant;
     unsigned mine = 0;
 #pragma unroll 4
     for (int slot = 0; slot < list.count; ++slot)
-        mine |= unsigned(may_shade(list.windows[slot], list.heights[slot], a.place)) << slot;
+        mine |= unsigned(may_occlude(list.windows[slot], list.heights[slot], a.place)) << slot;
     for (mine = a.asks ? mine : 0; mine; mine &= mine - 1) {
-        const int slot = lowest_bit(mine);
-        const Record& record = list.records[slot];
+        const int slot = ctz(mine);
+        const ShapeRecord& record = list.records[slot];
         if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
             if (in_shade_of_field(fields, record, view.light, a.p, a.id, a.span))
                 return true;
         } else {
             const Ray ray = look_back(record, list.aims[slot], a.p, distant);
-            const float t = enter_any<analytic_types(TYPES)>(record, ray);
+            const float t = intersect_any<analytic_types(TYPES)>(record, ray);
             if ((t > a.span.near) & (t < a.span.reach))
                 return true;
-            if constexpr ((TYPES >> GLASS & 1) != 0) {
-                const float out = list.aims[slot].w ? leave_any<analytic_types(TYPES)>(record, ray) : FAR_AWAY;
+            if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0) {
+                const float out = list.aims[slot].w ? intersect_exit_any<analytic_types(TYPES)>(record, ray) : MISS;
                 if ((out > thin_span(view.light, a.span).near) & (out < a.span.reach))
                     return true;
             }
@@ -204,7 +204,7 @@ WARPCAM_FN bool is_shaded(const CasterList<PICKED, false>& list, const LitView<L
 
 // Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
-WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS>& task, const Shapes& shapes,
+WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const LightPass<LENS>& task, const Shapes& shapes,
                           const Meshes& meshes, const HeightFields& fields, const Target& target, int column, int row,
                           int lane)
 {
@@ -216,31 +216,31 @@ WARPCAM_FN void cast_tile(const CasterList<PICKED, false>& list, const Task<LENS
 // Casts the shadows of one light, as far as they come from the crowd.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
-WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, const Grid& grid,
-                             const Task<LENS>& task, const Camera& camera, const Shapes& shapes,
+WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patch* patches, const Grid& grid,
+                             const LightPass<LENS>& task, const Camera& camera, const Shapes& shapes,
                              const Materials& materials, const Meshes& meshes, const HeightFields& fields,
                              const Target& target, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     while (true) {
-        const int patch = __shfl_sync(ALL, lane == 0 ? draw_next(crowd.next_patch) : 0, 0);
+        const int patch = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(crowd.next_patch) : 0, 0);
         if (patch >= COUNT)
             return;
         const int tiles = patches[patch].tiles;
         if (!tiles)
             continue;
-        const Outline points = grid.of_points(patches[patch].cover);
+        const PackedCasterBounds points = grid.of_points(patches[patch].cover);
         int from = 0;
         do {
             int picked;
-            warp_barrier();  // what was picked before is done with
+            warp_sync();  // what was picked before is done with
             from = pick(crowd, points, from, picks.places, picked, lane);
             if (picked == 0)
                 break;
-            warp_barrier();
+            warp_sync();
             prepare_picks<TYPES>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world,
                                  lane);
-            warp_barrier();
+            warp_sync();
             for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile)
                 if (tiles >> tile & 1)
                     cast_tile<TYPES>(picks.list, task, shapes, meshes, fields, target, patch % ACROSS * PATCH,
@@ -252,21 +252,21 @@ WARPCAM_FN void cast_patches(Crowd_& crowd, Picks& picks, const Patch* patches, 
 // Shadows in one region of one view, as cast() has them, of shapes without meshes.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
-WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                            const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                            int index)
 {
     static_assert(!(TYPES >> MESH & 1));
-    WARPCAM_SHARED Crowd<CAPACITY> crowd;
-    WARPCAM_SHARED Picks picks[WARPS];
+    WARPCAM_SHARED CasterTiles<CAPACITY> crowd;
+    WARPCAM_SHARED PickedCasters picks[WARPS];
     WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
-    WARPCAM_SHARED Cover all;
+    WARPCAM_SHARED ReceiverBounds all;
     // In shared memory, as in registers they would be spilled.
-    WARPCAM_SHARED Task<LENS> task;
+    WARPCAM_SHARED LightPass<LENS> task;
     WARPCAM_SHARED Camera camera;
     WARPCAM_SHARED Grid grid;
     const int thread = unsigned(index) % THREADS, block = index / THREADS;
-    const int warp = thread / LANES, lane = thread % LANES;
+    const int warp = thread / WARP_SIZE, lane = thread % WARP_SIZE;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     const int world = block / (columns * rows), part = block % (columns * rows);
     if (!wp::index(target.mask, world))
@@ -280,24 +280,24 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
     }
 
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    KeptLights kept = kept_lights(lights);
+    ActiveLights kept = kept_lights(lights);
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        block_barrier();  // what is kept for the block may still be in use
+        block_sync();  // what is kept for the block may still be in use
         if (thread == 0) {
             camera = load_camera(wp::index(views, world));
             task = {
                 light_view<TYPES, LENS>(lights, camera, world, number), region, corner, world, 1u << place, false
             };
         }
-        block_barrier();
+        block_sync();
         survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
-        block_barrier();
+        block_sync();
         if (warp == 0) {
-            Cover sum = no_cover();
-            for (int patch = lane; patch < WIDTH / PATCH * (HEIGHT / PATCH); patch += LANES)
+            ReceiverBounds sum = no_cover();
+            for (int patch = lane; patch < WIDTH / PATCH * (HEIGHT / PATCH); patch += WARP_SIZE)
                 sum.add(patches[patch].cover);
             sum = joined(sum);
             if (lane == 0) {
@@ -309,7 +309,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
         do {
             if (thread == 0)
                 crowd.count = crowd.next_patch = 0;
-            block_barrier();
+            block_sync();
             if (!all.any)
                 break;
             begin = gather_outlines<TYPES>(crowd, begin, shapes, materials, meshes, fields, task.view.light, camera,
@@ -318,7 +318,7 @@ WARPCAM_FN void cast_crowd(const Shapes& shapes, const Materials& materials, con
                 cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes,
                                                          materials, meshes, fields, target, lane);
             if (begin < total)
-                block_barrier();  // the crowd is still in use
+                block_sync();  // the crowd is still in use
         } while (begin < total);
     }
 }

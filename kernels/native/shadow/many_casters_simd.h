@@ -8,22 +8,22 @@ namespace warpcam {
 
 constexpr int PATCH = 16;  // pixels along a side, at most
 
-// Those that may shade something in a region, a bit each.
+// Bit mask of the spheres that may shade something in a region.
 inline unsigned spheres_before(const Spheres& s, const LightView& light, const Camera& camera, const TileWindow& region)
 {
-    const Floats none = 0.0f, one = 1.0f;
-    const Vecs c = s.at - eight_of(camera.origin), from = light.distant ? c : c - eight_of(light.aim);
-    const Vec aim = light.aim;
-    const Floats half = s.radius
+    const Float8 none = 0.0f, one = 1.0f;
+    const Vec3x8 c = s.at - broadcast(camera.origin), from = light.distant ? c : c - broadcast(light.aim);
+    const Vec3 aim = light.aim;
+    const Float8 half = s.radius
         + 1.0e-5f
-            * (magnitude(c.x) + magnitude(c.y) + magnitude(c.z) + 2.0f * s.radius
-               + (light.distant ? 0.0f : magnitude(aim.x) + magnitude(aim.y) + magnitude(aim.z)));
-    const Floats u = dot(eight_of(light.u), from), v = dot(eight_of(light.v), from), w = dot(eight_of(light.w), from);
-    Floats left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
-    Ints unknown = s.unknown;
+            * (abs(c.x) + abs(c.y) + abs(c.z) + 2.0f * s.radius
+               + (light.distant ? 0.0f : abs(aim.x) + abs(aim.y) + abs(aim.z)));
+    const Float8 u = dot(broadcast(light.u), from), v = dot(broadcast(light.v), from), w = dot(broadcast(light.w), from);
+    Float8 left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
+    Int8 unknown = s.unknown;
     if (!light.distant) {  // as window_of()
-        const Ints aside = ~(w - half > 1.0e-3f * half);
-        const Floats nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
+        const Int8 aside = ~(w - half > 1.0e-3f * half);
+        const Float8 nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
         unknown |= aside;
         left *= left < none ? at_near : at_far;
         right *= right > none ? at_near : at_far;
@@ -31,10 +31,10 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
         top *= top > none ? at_near : at_far;
         height = -nearest;
     }
-    const Window& all = region.window;
-    const Ints may = (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom)
+    const LightSpaceBounds& all = region.window;
+    const Int8 may = (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom)
         & (height > region.floor);
-    return bits_of(may | unknown) & s.there;
+    return movemask(may | unknown) & s.there;
 }
 
 // Fills the list with shapes from `begin` on that may shade something in the region, until it is full; returns where to
@@ -47,15 +47,15 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
 {
     const int total = shapes.drawn.shape[0];
     windows.count = 0;
-    for (; begin < total && windows.count + PACKET <= List::CAPACITY; begin += PACKET) {
+    for (; begin < total && windows.count + SIMD_WIDTH <= List::CAPACITY; begin += SIMD_WIDTH) {
         unsigned some =
-            spheres_before(begin < List::CAPACITY ? spheres[begin / PACKET] : load_spheres(shapes, world, begin), light,
+            spheres_before(begin < List::CAPACITY ? spheres[begin / SIMD_WIDTH] : load_spheres(shapes, world, begin), light,
                            camera, region);
         for (; some; some &= some - 1) {
             Caster caster;
-            const int id = wp::index(shapes.drawn, begin + lowest_bit(some)), slot = windows.count;
+            const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = windows.count;
             if (!prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                || !may_shade(caster.window, caster.height, region.window, region.floor)
+                || !may_occlude(caster.window, caster.height, region.window, region.floor)
                 || transparent(shapes, materials, world, id))
                 continue;
             list.records[slot] = caster.record;
@@ -68,20 +68,20 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
     }
     windows.close();
     list.count = windows.count;
-    return lower_int(begin, total);
+    return min(begin, total);
 }
 
-// Those of a list's windows that may shade something in a patch.
+// Bounds, of a list, that may shade something in a patch.
 template <int CAPACITY> struct PickedWindows : Windows<CAPACITY> {
     short slots[CAPACITY];
 
     void pick(const Windows<CAPACITY>& all, const TileWindow& patch)
     {
         this->count = 0;
-        for (int packet = 0; packet < (all.count + PACKET - 1) / PACKET; ++packet)
-            for (unsigned some = all.may_shade(packet, patch); some; some &= some - 1) {
-                const int k = lowest_bit(some);
-                slots[this->count] = static_cast<short>(packet * PACKET + k);
+        for (int packet = 0; packet < (all.count + SIMD_WIDTH - 1) / SIMD_WIDTH; ++packet)
+            for (unsigned some = all.may_occlude(packet, patch); some; some &= some - 1) {
+                const int k = ctz(some);
+                slots[this->count] = static_cast<short>(packet * SIMD_WIDTH + k);
                 this->add({ all.left[packet][k], all.right[packet][k], all.bottom[packet][k], all.top[packet][k] },
                           all.height[packet][k]);
             }
@@ -100,14 +100,14 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
 {
     static_assert(!(TYPES >> MESH & 1));
     constexpr int ACROSS = WIDTH / TILE_WIDTH, DOWN = HEIGHT / TILE_HEIGHT;
-    constexpr int PATCH_ACROSS = lower_int(PATCH, WIDTH) / TILE_WIDTH,
-                  PATCH_DOWN = lower_int(PATCH, HEIGHT) / TILE_HEIGHT;
+    constexpr int PATCH_ACROSS = min(PATCH, WIDTH) / TILE_WIDTH,
+                  PATCH_DOWN = min(PATCH, HEIGHT) / TILE_HEIGHT;
     static_assert(ACROSS % PATCH_ACROSS == 0 && DOWN % PATCH_DOWN == 0);
     constexpr int PATCHES_ACROSS = ACROSS / PATCH_ACROSS, PATCHES = PATCHES_ACROSS * (DOWN / PATCH_DOWN);
     CasterList<CAPACITY, false> list;
     Windows<CAPACITY> windows;
     PickedWindows<CAPACITY> picked;
-    Spheres spheres[CAPACITY / PACKET];  // for all lights
+    Spheres spheres[CAPACITY / SIMD_WIDTH];  // for all lights
     Points kept_points[ACROSS * DOWN];
     int world;
     const Region region = region_of<WIDTH, HEIGHT>(target, index, world);
@@ -116,13 +116,13 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
     const Camera camera = load_camera(wp::index(views, world));
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    KeptLights kept = kept_lights(lights);
+    ActiveLights kept = kept_lights(lights);
     bool fresh = true;
     for (int number = 0; number < num_lights; ++number) {
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        const LitView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, number);
+        const ReceiverView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, number);
         const unsigned bit = 1u << place;
         const auto load = [&](Points& points, int tile_column, int tile_row, bool clear) {
             const int column = tile_column * TILE_WIDTH, row = tile_row * TILE_HEIGHT;
@@ -139,19 +139,19 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
                     patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(kept_points[tile]);
             }
         if (fresh)
-            for (int first = 0; first < lower_int(total, CAPACITY); first += PACKET)
-                spheres[first / PACKET] = load_spheres(shapes, world, first);
+            for (int first = 0; first < min(total, CAPACITY); first += SIMD_WIDTH)
+                spheres[first / SIMD_WIDTH] = load_spheres(shapes, world, first);
         fresh = false;
         for (const PointsAround& patch : patches)
             all.add(patch);
         const TileWindow everything = all.window();
-        int begin = everything.floor < FAR_AWAY ? 0 : total;  // no point asks
+        int begin = everything.floor < MISS ? 0 : total;  // no point asks
         while (begin < total) {
             begin = gather_near<TYPES>(list, windows, begin, spheres, shapes, materials, meshes, fields, view.light,
                                        camera, everything, world);
             for (int patch = 0; patch < PATCHES; ++patch) {
                 const TileWindow its = patches[patch].window();
-                if (!(its.floor < FAR_AWAY))
+                if (!(its.floor < MISS))
                     continue;
                 picked.pick(windows, its);
                 if (picked.count == 0)

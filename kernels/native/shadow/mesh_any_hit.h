@@ -9,12 +9,12 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
 // The rays of one warp. What its lanes seldom need of their own rays is here too. Boxes: what they need at every node.
-template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
+template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
     struct Start {
-        float x[LANES], y[LANES], z[LANES];
+        float x[WARP_SIZE], y[WARP_SIZE], z[WARP_SIZE];
 
-        WARPCAM_FN Vec at(int ray) const { return { x[ray], y[ray], z[ray] }; }
-        WARPCAM_FN void put(int ray, Vec point)
+        WARPCAM_DEVICE Vec3 at(int ray) const { return { x[ray], y[ray], z[ray] }; }
+        WARPCAM_DEVICE void put(int ray, Vec3 point)
         {
             x[ray] = point.x;
             y[ray] = point.y;
@@ -22,45 +22,45 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
         }
     };
 
-    // Where there is room, what lanes walk with lies here while their warp looks for rays: in registers it would be
-    // spilled, and then be loaded again at every node.
+    // Stores lanes' traversal state in shared memory, if it has room, while their warp looks for rays: in registers it
+    // would be spilled, and reloaded at every node.
     static constexpr bool KEEPS = WORDS <= 2;
     static constexpr int PARTS = sizeof(Boxes) / sizeof(float);
 
     Start waiting_start;                // of the rays that wait
-    Span waiting_span[LANES];
+    Span waiting_span[WARP_SIZE];
     Start start;                        // of the lanes' own
-    Span span[LANES];
-    unsigned short own[LANES];          // their pixels
-    float frame[12][LANES];             // see RayFrame, for the mesh that the lane is at
-    int walk[KEEPS ? 3 : 1][LANES];     // a lane's node, how many wait behind it, its mesh's place in the list
-    float boxes[KEEPS ? PARTS : 1][LANES];
-    unsigned char owners[LANES];
+    Span span[WARP_SIZE];
+    unsigned short own[WARP_SIZE];          // their pixels
+    float frame[12][WARP_SIZE];             // see RayFrame, for the mesh that the lane is at
+    int walk[KEEPS ? 3 : 1][WARP_SIZE];     // a lane's node, how many wait behind it, its mesh's place in the list
+    float boxes[KEEPS ? PARTS : 1][WARP_SIZE];
+    unsigned char owners[WARP_SIZE];
 
-    WARPCAM_FN void keep_walk(int node, int height, int slot)
+    WARPCAM_DEVICE void keep_walk(int node, int height, int slot)
     {
         if constexpr (KEEPS) {
-            const int lane = threadIdx.x % LANES;
+            const int lane = threadIdx.x % WARP_SIZE;
             walk[0][lane] = node;
             walk[1][lane] = height;
             walk[2][lane] = slot;
         }
     }
 
-    WARPCAM_FN void keep_boxes(const Boxes& ray)
+    WARPCAM_DEVICE void keep_boxes(const Boxes& ray)
     {
         if constexpr (KEEPS) {
 #pragma unroll
             for (int k = 0; k < PARTS; ++k)
-                boxes[k][threadIdx.x % LANES] = reinterpret_cast<const float*>(&ray)[k];
+                boxes[k][threadIdx.x % WARP_SIZE] = reinterpret_cast<const float*>(&ray)[k];
         }
     }
 
     // Both as they were kept, boxes when the lane's ray came to its mesh.
-    WARPCAM_FN void go_on_walking(int& node, int& height, int& slot, Boxes& ray) const
+    WARPCAM_DEVICE void go_on_walking(int& node, int& height, int& slot, Boxes& ray) const
     {
         if constexpr (KEEPS) {
-            const int lane = threadIdx.x % LANES;
+            const int lane = threadIdx.x % WARP_SIZE;
             node = walk[0][lane];
             height = walk[1][lane];
             slot = walk[2][lane];
@@ -70,20 +70,20 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
         }
     }
 
-    // As put() of those who wait, with where the lane's ray begins.
-    WARPCAM_FN void put(unsigned found, const unsigned* met, int words, int place, Vec point, const Span& its_span)
+    // Queues waiting rays, as put() above does, with the start of the lane's ray.
+    WARPCAM_DEVICE void put(unsigned found, const unsigned* met, int words, int place, Vec3 point, const Span& its_span)
     {
-        const int at = WaitingRays<WORDS>::put(found, met, words, place);
-        if (found >> threadIdx.x % LANES & 1) {
+        const int at = RayQueue<WORDS>::put(found, met, words, place);
+        if (found >> threadIdx.x % WARP_SIZE & 1) {
             waiting_start.put(at, point);
             waiting_span[at] = its_span;
         }
     }
 
-    WARPCAM_FN void put_frame(const RayFrame& f)
+    WARPCAM_DEVICE void put_frame(const RayFrame& f)
     {
-        const int lane = threadIdx.x % LANES;
-        const Vec parts[4] = { f.origin, f.across, f.up, f.depth };
+        const int lane = threadIdx.x % WARP_SIZE;
+        const Vec3 parts[4] = { f.origin, f.across, f.up, f.depth };
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
             frame[3 * k][lane] = parts[k].x;
@@ -92,7 +92,7 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
         }
     }
 
-    WARPCAM_FN RayFrame frame_of(int lane) const
+    WARPCAM_DEVICE RayFrame frame_of(int lane) const
     {
         return { { frame[0][lane], frame[1][lane], frame[2][lane] },
                  { frame[3][lane], frame[4][lane], frame[5][lane] },
@@ -101,37 +101,36 @@ template <int WORDS, class Boxes> struct ShadowRays: WaitingRays<WORDS> {
     }
 };
 
-// Is one of the faces of the lane's leaf, if its `node` is one, in the way of its ray to the light? All lanes test
-// faces for all.
+// True if a face of the lane's leaf, if its `node` is one, blocks its ray to the light. All lanes test faces for all.
 template <int TYPES, class Rays, class List, class Meshes>
-WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
+WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
                              int node)
 {
-    const LeafPairs pairs(node, sum_of_all(LeafPairs::faces_of(node)));
+    const RayFacePairs pairs(node, warp_reduce_add(RayFacePairs::faces_of(node)));
     bool met = false;
-    for (int window = 0; window < pairs.count; window += LANES) {
+    for (int window = 0; window < pairs.count; window += WARP_SIZE) {
         int start;
         const int from = pairs.owner(rays.owners, window, start), number = pairs.face(window, from);
-        const int its_slot = __shfl_sync(ALL, slot, from);
+        const int its_slot = __shfl_sync(FULL_WARP, slot, from);
         bool meets = false;
-        if (window + threadIdx.x % LANES < pairs.count) {
+        if (window + threadIdx.x % WARP_SIZE < pairs.count) {
             const unsigned row = unsigned(list.aims[its_slot].w) + unsigned(number * FACE_ROWS);
-            const Row a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
-            const Row c = load(meshes.faces.data, row + 2);
+            const Float3Int a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
+            const Float3Int c = load(meshes.faces.data, row + 2);
             const RayFrame frame = rays.frame_of(from);
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                            project(frame, c.x, c.y, c.z),
                                            (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
             const Span span = rays.span[from];
             meets = (t > span.near) & (t < span.reach);
-            if constexpr ((TYPES >> MASKED & 1) != 0) {
-                const Vec point = rays.start.at(from);
-                const Record& record = list.records[its_slot];
+            if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0) {
+                const Vec3 point = rays.start.at(from);
+                const ShapeRecord& record = list.records[its_slot];
                 meets = meets && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
                                                  number, t);
             }
         }
-        met |= (__ballot_sync(ALL, meets) & pairs.places(window)) != 0;
+        met |= (__ballot_sync(FULL_WARP, meets) & pairs.places(window)) != 0;
     }
     return met;
 }
@@ -139,17 +138,17 @@ WARPCAM_FN bool meets_leaves(Rays& rays, const List& list, const LightView& ligh
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
 // shade, on its way to the light.
 template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
-WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light,
+WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light,
                           const Meshes& meshes, const NextTile& next_tile, const Shade& shade)
 {
-    const int lane = threadIdx.x % LANES, words = WORDS == 1 ? 1 : (list.count + LANES - 1) / LANES;
+    const int lane = threadIdx.x % WARP_SIZE, words = WORDS == 1 ? 1 : (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float far =
-        light.distant ? ENDLESS : 1.0f;  // nodes are visited up to here; only faces must lie within the span
+        light.distant ? MAX_RAY_T : 1.0f;  // nodes are visited up to here; only faces must lie within the span
     int stack[STACK];
     int word = 0, slot = 0, node = NO_NODE, height = 0;
     unsigned left = 0, nodes = 0;
     Boxes boxes {};
-    Supply supply { 0, 0, true };
+    PendingWork supply { 0, 0, true };
     const auto take = [&](int ray) {
         rays.own[lane] = rays.pixel[ray];
         rays.start.put(lane, rays.waiting_start.at(ray));
@@ -159,24 +158,24 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
         rays.go_on(words, word, left);
     };
     while (true) {
-        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (supply.any() && (__popc(idles) >= COMPANY || idles == ALL)) {
+        const unsigned idles = __ballot_sync(FULL_WARP, node == NO_NODE && left == 0);
+        if (supply.any() && (__popc(idles) >= MIN_ACTIVE_LANES || idles == FULL_WARP)) {
             rays.keep_walk(node, height, slot);
             supply.hand_out(idles, next_tile, take);
             rays.go_on_walking(node, height, slot, boxes);
             nodes = list.records[slot].origin.w;
-        } else if (idles == ALL) {
+        } else if (idles == FULL_WARP) {
             return;
         }
 
-        const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (__popc(between) >= COMPANY || !__any_sync(ALL, node != NO_NODE))) {
+        const unsigned between = __ballot_sync(FULL_WARP, node == NO_NODE && left != 0);  // on to their next meshes
+        if (between && (__popc(between) >= MIN_ACTIVE_LANES || !__any_sync(FULL_WARP, node != NO_NODE))) {
             if (node == NO_NODE && left != 0) {
-                slot = (WORDS == 1 ? 0 : word * LANES) + lowest_bit(left);
+                slot = (WORDS == 1 ? 0 : word * WARP_SIZE) + ctz(left);
                 left &= left - 1;
                 rays.go_on(words, word, left);
-                const Record& record = list.records[slot];
-                const Vec point = rays.start.at(lane);
+                const ShapeRecord& record = list.records[slot];
+                const Vec3 point = rays.start.at(lane);
                 const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
                 rays.put_frame(ray.template frame<TYPES>(record));
@@ -188,12 +187,12 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
         }
 
         bool inner = node >= 0 && node != NO_NODE;
-        unsigned stepping = __ballot_sync(ALL, inner);
+        unsigned stepping = __ballot_sync(FULL_WARP, inner);
         while (stepping) {
             if (inner) {
                 float enter[4], leave[4];
                 int child[4];
-                boxes.meet(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
+                boxes.test(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
@@ -207,13 +206,13 @@ WARPCAM_FN void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, cons
                     node = stack[--height];
             }
             inner = node >= 0 && node != NO_NODE;
-            stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < 2 * COMPANY)
+            stepping = __ballot_sync(FULL_WARP, inner);
+            if (__popc(stepping) < 2 * MIN_ACTIVE_LANES)
                 break;
         }
 
-        const unsigned leaves = __ballot_sync(ALL, node < 0);
-        if (leaves && (__popc(leaves) >= COMPANY / 2 || !stepping)) {
+        const unsigned leaves = __ballot_sync(FULL_WARP, node < 0);
+        if (leaves && (__popc(leaves) >= MIN_ACTIVE_LANES / 2 || !stepping)) {
             __syncwarp();  // frames that one lane writes another may read
             const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
             if (node < 0) {

@@ -1,5 +1,5 @@
-// Which lights reach what a view sees. Each pixel's hit point looks back at each light; the shapes that may stand
-// between a tile's points and the light are picked once for the whole tile.
+// Shadow pass: finds the lights that reach each visible point. Each pixel's hit point looks back at each light; the
+// shapes that may stand between a tile's points and the light are selected once for the whole tile.
 #pragma once
 #include "shadow/plane_receiver_cull.h"
 #include "lights/active_lights.h"
@@ -11,34 +11,34 @@ namespace warpcam {
 
 constexpr int FEW_CASTERS = 2;
 
-// Does a light that is kept cast shadows? One without colour has none to take away.
-template <class Lights> WARPCAM_FN bool casts(const Lights& lights, int world, int light)
+// True if an active light casts shadows. A light without colour has none to take away.
+template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
 {
-    const Vec sum = to_vec(row_of(lights.ambient, world, light)) + to_vec(row_of(lights.diffuse, world, light))
-        + to_vec(row_of(lights.specular, world, light));
-    return row_of(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
+    const Vec3 sum = as_vec3(per_world(lights.ambient, world, light)) + as_vec3(per_world(lights.diffuse, world, light))
+        + as_vec3(per_world(lights.specular, world, light));
+    return per_world(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
 }
 
 template <int TYPES, int LENS, class Lights>
-WARPCAM_APART WARPCAM_FN LitView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
 {
-    const bool distant = shared_row(lights.types, world, light) == LIGHT_DIRECTIONAL;
+    const bool distant = per_world(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
-                                      map_size(lights, distant, shared_row(lights.cutoff, world, light)));
-    const Sight<LENS> sight = sight_of<LENS>(camera);
+                                      map_size(lights, distant, per_world(lights.cutoff, world, light)));
+    const PointReconstructor<LENS> sight = sight_of<LENS>(camera);
     bool dims = false;
     if constexpr ((TYPES >> MESH & 1) && (TYPES >> SHADING_BACKS & 1)) {
-        const Vec ambient = to_vec(row_of(lights.ambient, world, light));
+        const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
     return { made, sight, lit_sight(made, sight), camera.origin, dims };
 }
 
-// What there is to do for one light in one region. In shared memory on CUDA: in registers it would crowd out what the
-// walks of meshes need.
-template <int LENS> struct Task {
-    LitView<LENS> view;
+// Work for one light in one region. CUDA keeps it in shared memory: in registers it would crowd out what mesh
+// traversals need.
+template <int LENS> struct LightPass {
+    ReceiverView<LENS> view;
     Region region;
     size_t corner;  // the region's first pixel
     int world;
@@ -46,9 +46,9 @@ template <int LENS> struct Task {
     bool fresh;    // masks are to be cleared first
 };
 
-// How many lights have their lists beside each other: where a warp makes one by itself, the lists of two are made at
-// once, and their shadows are cast without a barrier between them.
-template <int TYPES, int CAPACITY> constexpr int lists_beside()
+// Number of lights whose lists are built together: where a warp builds a list by itself, two lists are built at once,
+// and their shadows are cast without a barrier between them.
+template <int TYPES, int CAPACITY> constexpr int lights_per_batch()
 {
 #if defined(__CUDA_ARCH__)
     return (TYPES >> MESH & 1) && CAPACITY <= 16 ? 2 : 1;
@@ -61,12 +61,12 @@ template <int TYPES, int CAPACITY> constexpr int lists_beside()
 
 // A mesh of those that are `met`, bits by slot, of which there are some: that of the shape itself, if it is one of
 // them.
-template <class List> WARPCAM_FN int slot_to_try(const List& list, const unsigned (&met)[List::WORDS], int id)
+template <class List> WARPCAM_DEVICE int slot_to_try(const List& list, const unsigned (&met)[List::WORDS], int id)
 {
     int slot = -1;
     for (int word = 0; word < (list.count + 31) / 32; ++word) {
         for (unsigned left = met[word]; left; left &= left - 1) {
-            const int its = word * 32 + lowest_bit(left);
+            const int its = word * 32 + ctz(left);
             if (list.records[its].axis_y.w == id)
                 return its;
             slot = slot < 0 ? its : slot;
@@ -76,7 +76,7 @@ template <class List> WARPCAM_FN int slot_to_try(const List& list, const unsigne
 }
 
 // Leaves one of them out; false if none are left.
-template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&met)[List::WORDS], int slot)
+template <class List> WARPCAM_DEVICE bool others_met(const List& list, unsigned (&met)[List::WORDS], int slot)
 {
     bool any = false;
     for (int word = 0; word < (list.count + 31) / 32; ++word) {
@@ -92,27 +92,27 @@ template <class List> WARPCAM_FN bool others_met(const List& list, unsigned (&me
 // of the pixels that lie in shadow.
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
-WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
-    const LitView<LENS>& view = task.view;
+    const ReceiverView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
-    constexpr bool BESIDE = lists_beside<TYPES, List::CAPACITY>() > 1;
+    constexpr bool BESIDE = lights_per_batch<TYPES, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / LANES : 1];
-    const int lane = threadIdx.x % LANES, warp = HAS_MESH ? threadIdx.x / LANES : 0;
-    constexpr bool ON_FLOOR = sees_floor<TYPES, LENS, WIDTH, HEIGHT>();
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
+    const int lane = threadIdx.x % WARP_SIZE, warp = HAS_MESH ? threadIdx.x / WARP_SIZE : 0;
+    constexpr bool ON_FLOOR = uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>();
     if constexpr (
         ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
-        const unsigned own = Strips::of_warp(threadIdx.x / LANES, lane / 4);
+        const unsigned own = Strips::of_warp(threadIdx.x / WARP_SIZE, lane / 4);
         const unsigned missed =
             floor_shade(view, floor, list.bounds, task.region, lane)
                 .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
         const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
         if (lane == 0 && todo)
-            atomicOr(&list.strips, todo << threadIdx.x / LANES);
+            atomicOr(&list.strips, todo << threadIdx.x / WARP_SIZE);
         __syncwarp();
     }
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
@@ -122,7 +122,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                 if (!take_strip(list.strips, strip, lane))
                     return false;
             } else {
-                strip = __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                strip = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(list.next_tile) : 0, 0);
                 if (strip >= Strips::COUNT)
                     return false;
             }
@@ -131,11 +131,11 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
             const int i = task.region.left + column, j = task.region.top + row;
             const size_t at = task.corner + unsigned(row * target.width + column);
             const int inside = j < target.height ? target.width - i : 0;
-            asking = __ballot_sync(ALL, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
+            asking = __ballot_sync(FULL_WARP, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
                                                                    task.fresh));
             __syncwarp();  // masks that one lane clears another may write
         }
-        const int first_lane = lowest_bit(asking);
+        const int first_lane = ctz(asking);
         asking &= ~Strips::lanes_of(first_lane);
         const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
         const int row = Strips::row(strip) + lane / TILE_WIDTH;
@@ -145,27 +145,27 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
         const int id = inside ? target.shape.data[at] : -1;
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
-        const Place place = place_of(view.light.distant, view.lit.point(i, j, depth));
+        const LightSpacePoint place = place_of(view.light.distant, view.lit.point(i, j, depth));
         const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
         const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
-        if (!HAS_MESH && !may_shade(list, around))
+        if (!HAS_MESH && !may_occlude(list, around))
             return true;
-        const Vec p = view.sight.point(i, j, depth);
+        const Vec3 p = view.sight.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
         const bool met_any = shade_tile<TYPES>(list, view, p, id, span, place, around, open, fields, met);
         if (HAS_MESH) {
             bool keep = open && met_any, tries = keep;
             const int slot = keep ? slot_to_try(list, met, id) : 0;
-            const Record& record = list.records[slot];
+            const ShapeRecord& record = list.records[slot];
             const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
             if (keep && record.axis_y.w == id) {
-                const Vec sight = WorldRay::turned(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
+                const Vec3 sight = WorldRay::transform(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
                 const Facing facing =
                     face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
-                                      { to_vec(list.aims[slot]), ray.direction, sight });
+                                      { as_vec3(list.aims[slot]), ray.direction, sight });
                 keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
                 tries = keep && !facing.clear;
             }
@@ -175,7 +175,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
                     keep = false;
                 }
             }
-            const unsigned kept = __ballot_sync(ALL, keep);
+            const unsigned kept = __ballot_sync(FULL_WARP, keep);
             rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
             __syncwarp();
             found = __popc(kept);
@@ -217,7 +217,7 @@ WARPCAM_FN void cast_light(List& list, const Task<LENS>& task, const Shapes& sha
 
 // Clears the masks of a region.
 template <int WIDTH, int HEIGHT, class Target>
-WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int world, int thread)
+WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, int world, int thread)
 {
 #if defined(__CUDA_ARCH__)
     constexpr int TOGETHER = 16;
@@ -241,13 +241,13 @@ WARPCAM_FN void clear_shadows(const Target& target, const Region& region, int wo
 // again as often as the scene's shapes need.
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
-WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                      int index)
 {
-    constexpr int BESIDE = lists_beside<TYPES, CAPACITY>();
+    constexpr int BESIDE = lights_per_batch<TYPES, CAPACITY>();
     WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
-    WARPCAM_SHARED Task<LENS> tasks[BESIDE];
+    WARPCAM_SHARED LightPass<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     WARPCAM_SHARED Floor floor;
@@ -259,16 +259,16 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
 
 #if defined(__CUDA_ARCH__)
-    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>())
+    if constexpr (uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>())
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
-    KeptLights kept = kept_lights(lights);
+    ActiveLights kept = kept_lights(lights);
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     bool fresh = true;
     unsigned floors = 0;
 #if defined(__CUDA_ARCH__)
-    if constexpr (sees_floor<TYPES, LENS, WIDTH, HEIGHT>()) {
+    if constexpr (uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>()) {
         if (target.width % 4 == 0 && region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height) {
             floors = find_floors<WIDTH, HEIGHT>(target, corner, target.plane);
             fresh = false;
@@ -279,44 +279,44 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
     if constexpr (BESIDE > 1) {
         if (fresh)
             clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
-        const int warp = thread / LANES;
+        const int warp = thread / WARP_SIZE;
         unsigned casting = 0;  // of 32 lights those that do
         int first = 0, place = -1;
         while (casting || first < num_lights) {
             if (!casting) {
-                place = kept.next_of_lanes(lights, world, first + thread % LANES, num_lights);
-                casting = __ballot_sync(ALL, place >= 0 && casts(lights, world, first + thread % LANES));
-                first += LANES;
+                place = kept.next_of_lanes(lights, world, first + thread % WARP_SIZE, num_lights);
+                casting = __ballot_sync(FULL_WARP, place >= 0 && casts(lights, world, first + thread % WARP_SIZE));
+                first += WARP_SIZE;
                 continue;
             }
             int found = 0, own = 0;
             for (; casting && found < BESIDE; casting &= casting - 1, ++found)
-                own = found == warp ? lowest_bit(casting) : own;
-            const int own_place = __shfl_sync(ALL, place, own);
-            own += first - LANES;
-            block_barrier();  // the lists may still be in use, masks not yet cleared
+                own = found == warp ? ctz(casting) : own;
+            const int own_place = __shfl_sync(FULL_WARP, place, own);
+            own += first - WARP_SIZE;
+            block_sync();  // the lists may still be in use, masks not yet cleared
             if (warp < found) {
                 auto& list = lists[warp];
-                const int lane = thread % LANES;
+                const int lane = thread % WARP_SIZE;
                 if (lane == 0)
                     list.count = list.next_tile = list.strips = 0;
                 const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, own);
+                const ReceiverView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, own);
                 if (lane == 0)
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
-                warp_barrier();
-                collect_casters<TYPES, LANES>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
+                warp_sync();
+                collect_casters<TYPES, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
                                               lane);
-                warp_barrier();
+                warp_sync();
                 if constexpr (has_shutters(TYPES)) {
                     for (int slot = 0; slot < list.count; ++slot)
                         if (list.records[slot].axis_x.w == MESH)
                             outline_caster(list, slot, view.light, meshes);
-                    warp_barrier();
+                    warp_sync();
                 }
                 find_bounds(list);
             }
-            block_barrier();
+            block_sync();
 #pragma unroll 1
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
@@ -336,15 +336,15 @@ WARPCAM_FN void cast(const Shapes& shapes, const Materials& materials, const Mes
         auto& task = tasks[0];
         int begin = 0;
         do {
-            block_barrier();  // the list may still be in use
+            block_sync();  // the list may still be in use
             if (thread == 0)
                 list.count = list.next_tile = list.strips = 0;
             {
                 const Camera camera = load_camera(wp::index(views, world));
-                const LitView<LENS> own = light_view<TYPES, LENS>(lights, camera, world, number);
+                const ReceiverView<LENS> own = light_view<TYPES, LENS>(lights, camera, world, number);
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
-                block_barrier();
+                block_sync();
                 begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
                                               thread);
             }

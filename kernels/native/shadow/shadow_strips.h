@@ -15,44 +15,44 @@ template <int WIDTH, int HEIGHT> struct Strip {
     static constexpr unsigned COUNT = ACROSS * (HEIGHT / TILE_HEIGHT);
     static_assert(TILES * THREADS <= WIDTH * HEIGHT && ACROSS * TILES * TILE_WIDTH == WIDTH);
 
-    // Where the strip, a lane's first pixel in it, and the tile that a lane's pixels belong to begin.
-    WARPCAM_FN static int column(unsigned strip) { return strip % ACROSS * (TILES * TILE_WIDTH); }
-    WARPCAM_FN static int row(unsigned strip) { return strip / ACROSS * TILE_HEIGHT; }
-    WARPCAM_FN static int lane_column(int lane) { return lane % TILE_WIDTH * TILES; }
-    WARPCAM_FN static int lane_row(int lane) { return lane / TILE_WIDTH; }
-    WARPCAM_FN static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
+    // Start of the strip, of a lane's first pixel in it, and of the tile that a lane's pixels belong to.
+    WARPCAM_DEVICE static int column(unsigned strip) { return strip % ACROSS * (TILES * TILE_WIDTH); }
+    WARPCAM_DEVICE static int row(unsigned strip) { return strip / ACROSS * TILE_HEIGHT; }
+    WARPCAM_DEVICE static int lane_column(int lane) { return lane % TILE_WIDTH * TILES; }
+    WARPCAM_DEVICE static int lane_row(int lane) { return lane / TILE_WIDTH; }
+    WARPCAM_DEVICE static int tile_column(int lane) { return lane_column(lane) & ~(TILE_WIDTH - 1); }
 
-    // Those that a warp has where they are dealt out: see shadow/plane_receiver_cull.h.
-    static constexpr int WARPS = THREADS / LANES, EACH = COUNT / WARPS;
+    // Strips of a warp if strips are dealt out: see shadow/plane_receiver_cull.h.
+    static constexpr int WARPS = THREADS / WARP_SIZE, EACH = COUNT / WARPS;
     static_assert(WARPS <= 4);
     static constexpr unsigned ALL_OF_WARP = EACH < 8 ? EACH_STRIP & ((1u << 4 * (EACH % 8)) - 1u) : EACH_STRIP;
-    WARPCAM_FN static unsigned of_warp(unsigned warp, unsigned number) { return warp + WARPS * number; }
+    WARPCAM_DEVICE static unsigned of_warp(unsigned warp, unsigned number) { return warp + WARPS * number; }
 
     // The lanes whose pixels belong to the same tile as a lane's.
-    WARPCAM_FN static unsigned lanes_of(int lane)
+    WARPCAM_DEVICE static unsigned lanes_of(int lane)
     {
-        return (TILES == 4 ? 0x03030303u : TILES == 2 ? 0x0f0f0f0fu : ALL) << (tile_column(lane) / TILES);
+        return (TILES == 4 ? 0x03030303u : TILES == 2 ? 0x0f0f0f0fu : FULL_WARP) << (tile_column(lane) / TILES);
     }
 };
 
-template <int COUNT, class Value, class Result> WARPCAM_FN void load_several(const Value* from, Result* to)
+template <int COUNT, class Value, class Result> WARPCAM_DEVICE void load_several(const Value* from, Result* to)
 {
-    const Several<Value, COUNT> values = several<COUNT>(from);
+    const AlignedArray<Value, COUNT> values = load_vector<COUNT>(from);
 #pragma unroll
     for (int k = 0; k < COUNT; ++k)
         to[k] = values.at[k];
 }
 
-template <int COUNT, class Value> WARPCAM_FN void clear_several(Value* to)
+template <int COUNT, class Value> WARPCAM_DEVICE void clear_several(Value* to)
 {
-    *reinterpret_cast<Several<Value, COUNT>*>(to) = {};
+    *reinterpret_cast<AlignedArray<Value, COUNT>*>(to) = {};
 }
 
-// Whether any of the lane's pixels in a strip shows a point below what the list's casters cover together. With `fresh`
-// their masks are cleared.
+// True if any of the lane's pixels in a strip shows a point below the union of the casters' bounds. `fresh` clears
+// their masks.
 template <int COUNT, int LENS, class List, class Target>
-WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
-                            const LitView<LENS>& view, bool fresh)
+WARPCAM_DEVICE bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
+                            const ReceiverView<LENS>& view, bool fresh)
 {
     int id[COUNT];
     float depth[COUNT] = {};
@@ -82,9 +82,9 @@ WARPCAM_FN bool find_asking(const Target& target, size_t at, int inside, float i
     return asks;
 }
 
-// Whether warps have strips of their own, of which those that show nothing but a plane are told apart: see
+// True if warps have strips of their own, among which those that show nothing but a plane are handled apart: see
 // shadow/plane_receiver_cull.h.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor()
+template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool uses_plane_cull()
 {
     using Strips = Strip<WIDTH, HEIGHT>;
     return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
@@ -92,7 +92,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool sees_floor(
 }
 
 // Adds a light's bit to a pixel's mask. BESIDE: other warps may be adding those of other lights.
-template <bool BESIDE, class Target> WARPCAM_FN void mark_shadow(const Target& target, size_t at, unsigned bit)
+template <bool BESIDE, class Target> WARPCAM_DEVICE void mark_shadow(const Target& target, size_t at, unsigned bit)
 {
     if constexpr (BESIDE) {  // in the word that holds it: masks begin anywhere
         const size_t address = reinterpret_cast<size_t>(target.shadow.data + at), within = address % sizeof(unsigned);
@@ -104,7 +104,7 @@ template <bool BESIDE, class Target> WARPCAM_FN void mark_shadow(const Target& t
 
 // Takes one of a block's strips, of which each is a bit: those of its four warps lie beside each other. False if there
 // is none.
-WARPCAM_FN bool take_strip(unsigned& strips, unsigned& strip, int lane)
+WARPCAM_DEVICE bool take_strip(unsigned& strips, unsigned& strip, int lane)
 {
     unsigned bit = 0;
     if (lane == 0)
@@ -113,35 +113,36 @@ WARPCAM_FN bool take_strip(unsigned& strips, unsigned& strip, int lane)
             bit = atomicAnd(&strips, ~lowest) & lowest;
             left &= ~lowest;
         }
-    bit = __shfl_sync(ALL, bit, 0);
+    bit = __shfl_sync(FULL_WARP, bit, 0);
     if (!bit)
         return false;
-    strip = lowest_bit(bit);
+    strip = ctz(bit);
     return true;
 }
 
-// Which of a warp's strips show nothing but a plane. Clears the masks of all of them, in a region that the image holds.
+// Bit mask of a warp's strips that show nothing but a plane. Clears the masks of all strips in a region that the image
+// holds.
 template <int WIDTH, int HEIGHT, class Target>
-WARPCAM_FN unsigned find_floors(const Target& target, size_t corner, int plane)
+WARPCAM_DEVICE unsigned find_floors(const Target& target, size_t corner, int plane)
 {
     using Strips = Strip<WIDTH, HEIGHT>;
     constexpr int COUNT = Strips::TILES;
-    const int lane = threadIdx.x % LANES;
-    const unsigned first = Strips::of_warp(threadIdx.x / LANES, 0);
+    const int lane = threadIdx.x % WARP_SIZE;
+    const unsigned first = Strips::of_warp(threadIdx.x / WARP_SIZE, 0);
     const size_t start = corner
                          + unsigned((Strips::row(first) + Strips::lane_row(lane)) * target.width + Strips::column(first)
                                     + Strips::lane_column(lane));
-    decltype(four_at(target.shape.data)) ids[Strips::EACH];
+    decltype(load4(target.shape.data)) ids[Strips::EACH];
 #pragma unroll
     for (int number = 0; number < Strips::EACH; ++number) {
         const size_t at = start + unsigned(number * (Strips::WARPS / Strips::ACROSS * TILE_HEIGHT) * target.width);
-        ids[number] = four_at(target.shape.data + at);
+        ids[number] = load4(target.shape.data + at);
         clear_several<COUNT>(target.shadow.data + at);
     }
     unsigned floors = 0;
 #pragma unroll
     for (int number = 0; number < Strips::EACH; ++number)
-        floors |= __all_sync(ALL, all_are(ids[number], plane)) ? 1u << 4 * number : 0u;
+        floors |= __all_sync(FULL_WARP, all_are(ids[number], plane)) ? 1u << 4 * number : 0u;
     __syncwarp();  // masks that one lane clears another may write
     return floors;
 }

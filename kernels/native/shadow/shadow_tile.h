@@ -6,11 +6,11 @@
 namespace warpcam {
 
 // One light in one view.
-template <int LENS> struct LitView {
+template <int LENS> struct ReceiverView {
     LightView light;
-    Sight<LENS> sight;  // points from the camera, along the world's axes
-    Sight<LENS> lit;    // the same along the light's axes
-    Vec origin;         // the camera, world frame
+    PointReconstructor<LENS> sight;  // points from the camera, along the world's axes
+    PointReconstructor<LENS> lit;    // the same along the light's axes
+    Vec3 origin;         // the camera, world frame
     bool dims;          // its shadow takes an ambient part from what is turned away from it, too: of meshes
 };
 
@@ -21,50 +21,51 @@ struct Span {
     float near, reach;
 };
 
-WARPCAM_FN Span span_of(const LightView& light, Vec origin, Vec p, float depth)
+WARPCAM_DEVICE Span span_of(const LightView& light, Vec3 origin, Vec3 p, float depth)
 {
-    const Vec d = ray_to(light, p);
+    const Vec3 d = ray_to(light, p);
     const float rounding = 2.0e-6f
-        * (magnitude(origin.x + p.x) + magnitude(origin.y + p.y) + magnitude(origin.z + p.z) + depth);
-    const float near = rounding * reciprocal(root(upper(dot(d, d), 1.0e-30f)));
+        * (abs(origin.x + p.x) + abs(origin.y + p.y) + abs(origin.z + p.z) + depth);
+    const float near = rounding * rcp(sqrt(max(dot(d, d), 1.0e-30f)));
     return { near, reach_of(light, p, near) };
 }
 
-// That of single faces, which may be too near to the point to shade it.
-WARPCAM_FN Span thin_span(const LightView& light, const Span& span)
+// Span of single faces, which may be too near to the point to shade it.
+WARPCAM_DEVICE Span thin_span(const LightView& light, const Span& span)
 {
     return { span.near + light.map.nearest, span.reach };
 }
 
 // The ray of an analytic shape's test, in the shape's frame.
-WARPCAM_FN Ray look_back(const Record& record, const Row& aim, Vec p, bool distant)
+WARPCAM_DEVICE Ray look_back(const ShapeRecord& record, const Float3Int& aim, Vec3 p, bool distant)
 {
-    const Row o = record.origin;
-    const Vec origin = WorldRay::turned(record, p, { o.x, o.y, o.z });
+    const Float3Int o = record.origin;
+    const Vec3 origin = WorldRay::transform(record, p, { o.x, o.y, o.z });
     const float s = distant ? 0.0f : 1.0f;
     return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
 }
 
-// Does the way from p to the light lead through the box of a mesh? Widened by more than all rounding.
-WARPCAM_FN bool meets_box(const Record& record, const Row& aim, const Box& box, Vec p, const Span& span, bool distant)
+// True if the segment from p to the light intersects a mesh's box. The box is widened by more than all rounding.
+WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, const Box& box, Vec3 p, const Span& span, bool distant)
 {
     const Ray ray = look_back(record, aim, p, distant);
-    const Vec o = ray.origin, d = ray.direction;
-    const Vec inverse { reciprocal(nonzero(d.x)), reciprocal(nonzero(d.y)), reciprocal(nonzero(d.z)) };
-    const float pad = 2.0e-6f * (magnitude(o.x) + magnitude(o.y) + magnitude(o.z));
-    const Vec middle { (box.center.x - o.x) * inverse.x, (box.center.y - o.y) * inverse.y,
+    const Vec3 o = ray.origin, d = ray.direction;
+    const Vec3 inverse { rcp(avoid_zero(d.x)), rcp(avoid_zero(d.y)), rcp(avoid_zero(d.z)) };
+    const float pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z));
+    const Vec3 middle { (box.center.x - o.x) * inverse.x, (box.center.y - o.y) * inverse.y,
                        (box.center.z - o.z) * inverse.z };
-    const Vec half { (box.half.x + pad) * magnitude(inverse.x), (box.half.y + pad) * magnitude(inverse.y),
-                     (box.half.z + pad) * magnitude(inverse.z) };
-    const float enter = upper(upper(middle.x - half.x, middle.y - half.y), upper(middle.z - half.z, span.near));
-    const float leave = lower(lower(middle.x + half.x, middle.y + half.y), lower(middle.z + half.z, span.reach));
+    const Vec3 half { (box.half.x + pad) * abs(inverse.x), (box.half.y + pad) * abs(inverse.y),
+                     (box.half.z + pad) * abs(inverse.z) };
+    const float enter = max(max(middle.x - half.x, middle.y - half.y), max(middle.z - half.z, span.near));
+    const float leave = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, span.reach));
     return enter <= leave;
 }
 
-// Does a height field shade the point p of shape `id`? What is in the ground is shaded by the side that the way to the
-// light comes out by, as the maps have that, too; a field's own points are on its ground, where rounding would tell.
-template <class HeightFields> WARPCAM_FN bool in_shade_of_field(const HeightFields& fields, const Record& record,
-                                                                const LightView& light, Vec p, int id, const Span& span)
+// True if a height field shades the point p of shape `id`. Points inside the ground are shaded by the side through
+// which the way to the light leaves, as in shadow maps; a field's own points lie on its ground, where rounding would
+// decide.
+template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const HeightFields& fields, const ShapeRecord& record,
+                                                                const LightView& light, Vec3 p, int id, const Span& span)
 {
     const WorldRay ray { p, ray_to(light, p) };
     const float near = thin_span(light, span).near;
@@ -75,56 +76,56 @@ template <class HeightFields> WARPCAM_FN bool in_shade_of_field(const HeightFiel
     return hit.shape >= 0;
 }
 
-// What a tile's points that ask cover, and the lowest of them.
+// Bounds of a tile's points that ask, and the lowest of them.
 struct TileWindow {
-    Window window;
+    LightSpaceBounds window;
     float floor;
 };
 
 #if defined(__CUDA_ARCH__)
 
-// That of points of which nothing is known.
-WARPCAM_FN TileWindow whole_tile() { return { { -FAR_AWAY, FAR_AWAY, -FAR_AWAY, FAR_AWAY }, -FAR_AWAY }; }
+// Bounds of unknown points.
+WARPCAM_DEVICE TileWindow whole_tile() { return { { -MISS, MISS, -MISS, MISS }, -MISS }; }
 
-WARPCAM_FN TileWindow window_around(const Place& place, bool asks)
+WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
 {
-    const float u = place.beside ? -FAR_AWAY : place.u, v = place.beside ? -FAR_AWAY : place.v;
-    return { { warp_min(asks ? u : FAR_AWAY), -warp_min(asks ? place.beside ? u : -u : FAR_AWAY),
-               warp_min(asks ? v : FAR_AWAY), -warp_min(asks ? place.beside ? v : -v : FAR_AWAY) },
-             warp_min(asks ? place.height : FAR_AWAY) };
+    const float u = place.beside ? -MISS : place.u, v = place.beside ? -MISS : place.v;
+    return { { warp_min(asks ? u : MISS), -warp_min(asks ? place.beside ? u : -u : MISS),
+               warp_min(asks ? v : MISS), -warp_min(asks ? place.beside ? v : -v : MISS) },
+             warp_min(asks ? place.height : MISS) };
 }
 
-// Whether any caster of a list may shade a tile.
-template <class List> WARPCAM_FN bool may_shade(const List& list, const TileWindow& tile)
+// True if any caster of a list may shade a tile.
+template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const TileWindow& tile)
 {
     bool any = false;
-    for (int slot = threadIdx.x % LANES; slot < (list.count + 31) / 32 * 32; slot += LANES)
-        any |= may_shade(list.windows[slot], list.heights[slot], tile.window, tile.floor);
-    return __any_sync(ALL, any);
+    for (int slot = threadIdx.x % WARP_SIZE; slot < (list.count + 31) / 32 * 32; slot += WARP_SIZE)
+        any |= may_occlude(list.windows[slot], list.heights[slot], tile.window, tile.floor);
+    return __any_sync(FULL_WARP, any);
 }
 
-// Is the lane's point, of shape `id`, which the light sees at `place`, in the shadow of a caster? `open` is false in
-// lanes that do not ask; afterwards it is true in those that still do. Meshes are not tried but named in `met`, bits by
-// slot, if the way to the light leads through their boxes; true if there are any.
+// Tests whether the lane's point, of shape `id`, which the light sees at `place`, is in the shadow of a caster. `open`
+// is false in lanes that do not ask; afterwards it is true in those that still do. Meshes are not tested but named in
+// `met`, bits by slot, if the way to the light intersects their boxes; returns true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
-WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, int id, const Span& span,
-                           const Place& place, const TileWindow& tile, bool& open, const HeightFields& fields,
+WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view, Vec3 p, int id, const Span& span,
+                           const LightSpacePoint& place, const TileWindow& tile, bool& open, const HeightFields& fields,
                            unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    const int lane = threadIdx.x % LANES, words = (list.count + 31) / 32;
+    const int lane = threadIdx.x % WARP_SIZE, words = (list.count + 31) / 32;
     const bool distant = view.light.distant;
     bool met_any = false;
     for (int word = 0; word < words; ++word) {
         const bool mine =
-            may_shade(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile.window, tile.floor);
+            may_occlude(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile.window, tile.floor);
         unsigned word_met = 0;
-        for (unsigned mask = __ballot_sync(ALL, mine); mask; mask &= mask - 1) {
-            const int bit = lowest_bit(mask), slot = word * 32 + bit;
-            bool meets = open & may_shade(list.windows[slot], list.heights[slot], place);
-            if (!__any_sync(ALL, meets))
+        for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1) {
+            const int bit = ctz(mask), slot = word * 32 + bit;
+            bool meets = open & may_occlude(list.windows[slot], list.heights[slot], place);
+            if (!__any_sync(FULL_WARP, meets))
                 continue;
-            const Record& record = list.records[slot];
+            const ShapeRecord& record = list.records[slot];
             const int type = record.axis_x.w;
             if (HAS_MESH && type == MESH) {
                 meets = meets
@@ -136,11 +137,11 @@ WARPCAM_FN bool shade_tile(const List& list, const LitView<LENS>& view, Vec p, i
                 __syncwarp();
             } else {
                 const Ray ray = look_back(record, list.aims[slot], p, distant);
-                const float t = enter_any<analytic_types(TYPES)>(record, ray);
+                const float t = intersect_any<analytic_types(TYPES)>(record, ray);
                 open = open & !((t > span.near) & (t < span.reach));
-                if constexpr ((TYPES >> GLASS & 1) != 0) {
+                if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0) {
                     if (list.aims[slot].w) {
-                        const float out = leave_any<analytic_types(TYPES)>(record, ray);
+                        const float out = intersect_exit_any<analytic_types(TYPES)>(record, ray);
                         open = open & !((out > thin_span(view.light, span).near) & (out < span.reach));
                     }
                 }

@@ -6,7 +6,7 @@
 // (Moenne-Loccoz et al., "3D Gaussian Ray Tracing", SIGGRAPH Asia 2024, sections 4.3 and 4.4). Rows are scaled so that
 // the ellipsoid where a Gaussian ends is the unit sphere.
 //
-// The ray keeps the KEPT nearest that it has not blended yet, by t, and walks the clouds' trees again for the next ones
+// The ray keeps the MAX_ORDERED_HITS nearest that it has not blended yet, by t, and walks the clouds' trees again for the next ones
 // until nothing is left or little light comes through. t is the same in all frames, for which planar depth is taken.
 #pragma once
 #include "splats/gaussian_cloud.h"
@@ -14,8 +14,8 @@
 
 namespace warpcam {
 
-// What is wanted, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; EXPOSED: the camera has an
-// exposure; SOLID: see solid_surface.
+// Output flags, in the order of OUTPUTS in splats.py; BY_WORLD: ids by world; HAS_EXPOSURE: the camera has an exposure;
+// SOLID: see solid_surface.
 enum SplatOutput {
     SPLAT_RGB = 1,
     SPLAT_RGBA = 2,
@@ -40,27 +40,27 @@ constexpr int SPLAT_REGION = 16;  // side of what a block draws [pixels]
 constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray ends: a quarter of a step of 255
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest
 
-// What a ray has blended.
-struct Blended {
-    Vec color;
+// Accumulated colour of a ray.
+struct AlphaComposite {
+    Vec3 color;
     float light;  // that comes through
     Key median;  // the hit after which no more than half of it does, or another share
 };
 
-template <class Splats, int LENS> WARPCAM_FN void blend(const Splats& splats, const Cloud& cloud,
-                                                        const ViewRay<LENS>& seen, Key key, unsigned index, float half,
-                                                        Blended& blend)
+template <class Splats, int LENS> WARPCAM_DEVICE void blend(const Splats& splats, const Cloud& cloud,
+                                                        const CameraRay<LENS>& seen, Key key, unsigned index, float half,
+                                                        AlphaComposite& blend)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
-    const Whitened w = whiten(load(rows, row), load(rows, row + 1), load(rows, row + 2), cloud.local(seen));
-    const Row look = load(rows, row + 3);
-    const Vec off = cross(w.origin, w.direction);
+    const GaussianSpaceRay w = whiten(load(rows, row), load(rows, row + 1), load(rows, row + 2), cloud.local(seen));
+    const Float3Int look = load(rows, row + 3);
+    const Vec3 off = cross(w.origin, w.direction);
     const float far = dot(off, off) / dot(w.direction, w.direction), opacity = as_float(look.w);
     // in binary logarithms: the response ends where the cloud has it end, or at an alpha of 1 / 255
-    const float end = upper(-0.72134752f * cloud.reach, -logarithm2(255.0f * opacity));
-    const float alpha = lower(opacity * power(2.0f, end * far), 1.0f) * as_float(cloud.origin.w);
-    blend.color = blend.color + blend.light * alpha * to_vec(look);
+    const float end = max(-0.72134752f * cloud.reach, -log2(255.0f * opacity));
+    const float alpha = min(opacity * pow(2.0f, end * far), 1.0f) * as_float(cloud.origin.w);
+    blend.color = blend.color + blend.light * alpha * as_vec3(look);
     blend.light *= 1.0f - alpha;
     if (blend.median == NO_KEY && blend.light <= half)
         blend.median = key;
@@ -69,17 +69,17 @@ template <class Splats, int LENS> WARPCAM_FN void blend(const Splats& splats, co
 // Normal of the median Gaussian, camera frame: that of its ellipsoid where a ray of this direction through its centre
 // enters it.
 template <class Splats, int LENS>
-WARPCAM_FN Vec splat_normal(const Splats& splats, const Cloud& cloud, const ViewRay<LENS>& seen, unsigned index)
+WARPCAM_DEVICE Vec3 splat_normal(const Splats& splats, const Cloud& cloud, const CameraRay<LENS>& seen, unsigned index)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
-    const Row a = load(rows, row), b = load(rows, row + 1), c = load(rows, row + 2);
-    const Vec d = whiten(a, b, c, cloud.local(seen)).direction;
-    const Vec local = -(d.x * to_vec(a) + d.y * to_vec(b) + d.z * to_vec(c));
-    return local.x * to_vec(cloud.axis_x) + local.y * to_vec(cloud.axis_y) + local.z * to_vec(cloud.axis_z);
+    const Float3Int a = load(rows, row), b = load(rows, row + 1), c = load(rows, row + 2);
+    const Vec3 d = whiten(a, b, c, cloud.local(seen)).direction;
+    const Vec3 local = -(d.x * as_vec3(a) + d.y * as_vec3(b) + d.z * as_vec3(c));
+    return local.x * as_vec3(cloud.axis_x) + local.y * as_vec3(cloud.axis_y) + local.z * as_vec3(cloud.axis_z);
 }
 
-template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at, const Blended& found)
+template <class Array> WARPCAM_DEVICE void blend_bytes(const Array& image, size_t at, const AlphaComposite& found)
 {
     unsigned char* bytes = reinterpret_cast<unsigned char*>(image.data) + at;
     for (int k = 0; k < 3; ++k)
@@ -87,16 +87,16 @@ template <class Array> WARPCAM_FN void blend_bytes(const Array& image, size_t at
             static_cast<unsigned char>(to_byte(component(found.color, k) + found.light * (bytes[k] * (1.0f / 255.0f))));
 }
 
-// What the camera makes of the light that a ray has blended: of its mean colour. What is behind is exposed already.
-template <class Frame_> WARPCAM_FN void expose(const Frame_& frame, int world, Blended& found)
+// Applies the camera's exposure to the mean colour that a ray has blended. The background is exposed already.
+template <class Frame_> WARPCAM_DEVICE void expose(const Frame_& frame, int world, AlphaComposite& found)
 {
-    const Vec factor = power(2.0f, wp::index(frame.exposures, world)) * to_vec(wp::index(frame.gains, world));
+    const Vec3 factor = pow(2.0f, wp::index(frame.exposures, world)) * as_vec3(wp::index(frame.gains, world));
     const float part = 1.0f - found.light;
-    found.color = part * encoded_beyond(times(factor, decoded(reciprocal(part) * found.color)));
+    found.color = part * encoded_beyond(mul(factor, srgb_to_linear(rcp(part) * found.color)));
 }
 
 template <int WANTED, class Frame_, class Images>
-WARPCAM_FN void put_colors(const Frame_& frame, const Images& images, int world, unsigned at, Blended found)
+WARPCAM_DEVICE void put_colors(const Frame_& frame, const Images& images, int world, unsigned at, AlphaComposite found)
 {
     if (WANTED & SPLAT_ALBEDO)
         blend_bytes(images.albedo, 3 * size_t(at), found);
@@ -111,9 +111,9 @@ WARPCAM_FN void put_colors(const Frame_& frame, const Images& images, int world,
     }
     if (WANTED & SPLAT_HDR) {
         float* channels = images.hdr.data + 3 * size_t(at);
-        const Vec behind { channels[0], channels[1], channels[2] };
+        const Vec3 behind { channels[0], channels[1], channels[2] };
         if (WANTED & SPLAT_LINEAR)
-            put_three(images.hdr.data, at, decoded(found.color + found.light * encoded(behind)));
+            put_three(images.hdr.data, at, srgb_to_linear(found.color + found.light * linear_to_srgb(behind)));
         else
             put_three(images.hdr.data, at, found.color + found.light * behind);
     }
@@ -128,13 +128,13 @@ template <class Frame_, class Images_, class Shapes_, class Splats_> struct Spla
 };
 template <class... Structs> SplatScene(const Structs&...) -> SplatScene<Structs...>;
 
-// What a ray blends of all clouds.
+// Blends all clouds along a ray.
 template <int WANTED, int LENS, class Scene>
-WARPCAM_FN Blended blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
-                             const ViewRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
+WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
+                             const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
 {
     constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
-    Blended found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+    AlphaComposite found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
     for (;;) {
         for (int place = 0; place < num_clouds; ++place)
@@ -148,7 +148,7 @@ WARPCAM_FN Blended blend_all(const Scene& scene, const Cloud* clouds, int num_cl
             blend(scene.splats, clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0], seen, key, name & mask,
                   HALF_LIGHT, found);
         }
-        if (nearest.count < KEPT || found.light <= LEAST)
+        if (nearest.count < MAX_ORDERED_HITS || found.light <= LEAST)
             break;
         nearest.after = key;
         nearest.count = 0;
@@ -156,21 +156,20 @@ WARPCAM_FN Blended blend_all(const Scene& scene, const Cloud* clouds, int num_cl
     return found;
 }
 
-// What a ray sees of clouds that are solid where little enough light comes through, and nothing elsewhere, as Newton's
-// camera has them: each cloud by itself, in the mean colour of the Gaussians that the ray blends of it, and of several
-// clouds the nearest.
+// Finds the nearest solid cloud along a ray: clouds are solid where little enough light passes, and absent elsewhere,
+// as in Newton's camera. Each cloud counts by itself, in the mean colour of its Gaussians that the ray blends.
 template <int LENS, class Scene>
-WARPCAM_FN Blended solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
-                                 const ViewRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
+WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
+                                 const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
 {
     const auto limits = wp::index(scene.frame.limits, 0);
-    Blended surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+    AlphaComposite surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     for (int place = 0; place < num_clouds; ++place) {
         const Cloud& cloud = clouds[place];
         if (cloud.axis_x.w < 0)
             continue;
         const unsigned prefix = scene.splats.bits < 32 ? unsigned(place) << scene.splats.bits : 0u;
-        Blended found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
+        AlphaComposite found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
         Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
         float left = limits[1];
         const auto goes_on = [&] { return left > 0.0f && (found.light > LEAST_LIGHT || found.median == NO_KEY); };
@@ -182,26 +181,26 @@ WARPCAM_FN Blended solid_surface(const Scene& scene, const Cloud* clouds, int nu
                 blend(scene.splats, cloud, seen, key, unsigned(key) & mask, limits[0], found);
                 left -= 1.0f;
             }
-            if (nearest.count < KEPT || !goes_on())
+            if (nearest.count < MAX_ORDERED_HITS || !goes_on())
                 break;
             nearest.after = key;
             nearest.count = 0;
         }
         if (found.median < surface.median)
-            surface = { reciprocal(1.0f - found.light) * found.color, 0.0f, found.median };
+            surface = { rcp(1.0f - found.light) * found.color, 0.0f, found.median };
     }
     return surface;
 }
 
 template <int LENS, int WANTED, class Scene>
-WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
+WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
                                  int world, int column, int row, unsigned at, Key* keys, int step)
 {
     const int behind = scene.frame.shape.data[at];
     const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
-    const ViewRay<LENS> seen = view_ray<LENS>(camera, column, row);
+    const CameraRay<LENS> seen = view_ray<LENS>(camera, column, row);
     const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
-    Blended found;
+    AlphaComposite found;
     if constexpr ((WANTED & SPLAT_SOLID) != 0)
         found = solid_surface(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
     else
@@ -223,17 +222,17 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
         put_three(images.points.data, at, point_of(hit, camera, seen));
     if (WANTED & SPLAT_NORMALS)
         put_three(images.normals.data, at,
-                  turned(camera.rotation, normalized(splat_normal(scene.splats, cloud, seen, name & mask))));
+                  transform(camera.rotation, normalized(splat_normal(scene.splats, cloud, seen, name & mask))));
     if (WANTED & SPLAT_SHAPE)
         images.segmentation.data[at] = (WANTED & SPLAT_BY_WORLD) ? id_of(scene.shapes, world, hit.shape) : hit.shape;
     if (WANTED & SPLAT_BODIES)
         images.bodies.data[at] = body_of<(WANTED & SPLAT_BY_WORLD) != 0>(scene.shapes, world, hit.shape);
     if (WANTED & SPLAT_INSTANCES)
-        images.instances.data[at] = row_of(images.instance_of, world, hit.shape);
+        images.instances.data[at] = per_world(images.instance_of, world, hit.shape);
     if (WANTED & SPLAT_SEMANTICS)
-        images.semantics.data[at] = row_of(images.semantic_of, world, hit.shape);
+        images.semantics.data[at] = per_world(images.semantic_of, world, hit.shape);
     if constexpr ((WANTED & FLOWS) != 0) {
-        FlowPlaces<WANTED> places;
+        VisibilityHistory<WANTED> places;
         places.locate(scene.frame.trail, world);
         put_flow<0, LENS, WANTED>(scene.frame.trail, places, scene.shapes, camera, seen, hit, world, column, row, 0,
                                   at);
@@ -242,7 +241,7 @@ WARPCAM_FN void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int nu
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block. CAPACITY:
 // clouds.
-template <int LENS, int CAPACITY, int WANTED, class Scene> WARPCAM_FN void draw_splats(const Scene& scene, int index)
+template <int LENS, int CAPACITY, int WANTED, class Scene> WARPCAM_DEVICE void draw_splats(const Scene& scene, int index)
 {
     WARPCAM_SHARED Cloud clouds[CAPACITY];
     const auto& frame = scene.frame;
@@ -260,12 +259,12 @@ template <int LENS, int CAPACITY, int WANTED, class Scene> WARPCAM_FN void draw_
     const int num_clouds = scene.splats.columns.shape[0];
     for (int i = thread; i < num_clouds; i += THREADS)
         load_cloud(clouds[i], scene.shapes, scene.splats, camera, world, i);
-    block_barrier();
+    block_sync();
 #if defined(__CUDA_ARCH__)
-    WARPCAM_SHARED Key keys[KEPT * THREADS];
-    const int lane = thread % LANES;
-    for (int tile = thread / LANES; tile < SPLAT_REGION / TILE_WIDTH * (SPLAT_REGION / TILE_HEIGHT);
-         tile += THREADS / LANES) {
+    WARPCAM_SHARED Key keys[MAX_ORDERED_HITS * THREADS];
+    const int lane = thread % WARP_SIZE;
+    for (int tile = thread / WARP_SIZE; tile < SPLAT_REGION / TILE_WIDTH * (SPLAT_REGION / TILE_HEIGHT);
+         tile += THREADS / WARP_SIZE) {
         const int column = left + tile % (SPLAT_REGION / TILE_WIDTH) * TILE_WIDTH + lane % TILE_WIDTH;
         const int row = top + tile / (SPLAT_REGION / TILE_WIDTH) * TILE_HEIGHT + lane / TILE_WIDTH;
         if (column < frame.width && row < frame.height)
@@ -274,9 +273,9 @@ template <int LENS, int CAPACITY, int WANTED, class Scene> WARPCAM_FN void draw_
         __syncwarp();
     }
 #else
-    Key keys[KEPT];
-    for (int row = top; row < lower_int(top + SPLAT_REGION, frame.height); ++row)
-        for (int column = left; column < lower_int(left + SPLAT_REGION, frame.width); ++column)
+    Key keys[MAX_ORDERED_HITS];
+    for (int row = top; row < min(top + SPLAT_REGION, frame.height); ++row)
+        for (int column = left; column < min(left + SPLAT_REGION, frame.width); ++column)
             draw_splat_pixel<LENS, WANTED>(scene, clouds, num_clouds, camera, world, column, row,
                                            first + row * frame.width + column, keys, 1);
 #endif

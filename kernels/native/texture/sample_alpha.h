@@ -5,7 +5,7 @@
 namespace warpcam {
 
 // At (u, v) in [0, 1], in [0, 255].
-WARPCAM_FN float bilinear_alpha(const unsigned* texels, const Level& level, float u, float v)
+WARPCAM_DEVICE float bilinear_alpha(const unsigned* texels, const Level& level, float u, float v)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int columns[2] = { first_or_last(x.first, level.width), x.first + 1 >= level.width ? 0 : x.first + 1 };
@@ -19,7 +19,7 @@ WARPCAM_FN float bilinear_alpha(const unsigned* texels, const Level& level, floa
 }
 
 // At (u, v), in images, in [0, 1]; `right` and `down` are the steps to the next pixels.
-WARPCAM_FN float sample_alpha(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+WARPCAM_DEVICE float sample_alpha(const unsigned* texels, const Image& image, float u, float v, Float2 right, Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,

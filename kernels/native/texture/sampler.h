@@ -10,7 +10,7 @@ namespace warpcam {
 enum TextureKind { TEXTURE_2D, TEXTURE_CUBE };  // values of types.py
 
 // Does `texture` name a texture? Indices can be written by the user at any time.
-template <class Textures> WARPCAM_FN bool is_texture(const Textures& textures, int texture)
+template <class Textures> WARPCAM_DEVICE bool is_texture(const Textures& textures, int texture)
 {
     return texture >= 0 && texture < textures.kind.shape[0];
 }
@@ -21,7 +21,7 @@ struct Image {
     int levels;  // 0: no texture
 };
 
-template <class Textures> WARPCAM_FN Image load_image(const Textures& textures, int texture)
+template <class Textures> WARPCAM_DEVICE Image load_image(const Textures& textures, int texture)
 {
     if (!is_texture(textures, texture))
         return { 0, 0, 0, 0 };
@@ -37,7 +37,7 @@ struct Blend {
 constexpr int WHOLE = 65535;
 
 // Adds two texels; their weights are the halves of a word, the first one's the lower.
-WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsigned weights, Blend& blend)
+WARPCAM_DEVICE void add_texels(const unsigned* texels, int first, int second, unsigned weights, Blend& blend)
 {
 #if defined(__CUDA_ARCH__)
     const unsigned a = __ldg(texels + first), b = __ldg(texels + second);
@@ -53,9 +53,9 @@ WARPCAM_FN void add_texels(const unsigned* texels, int first, int second, unsign
 #endif
 }
 
-WARPCAM_FN Vec to_color(const Blend& blend)
+WARPCAM_DEVICE Vec3 to_color(const Blend& blend)
 {
-    return (1.0f / (255.0f * WHOLE)) * Vec { float(blend.red), float(blend.green), float(blend.blue) };
+    return (1.0f / (255.0f * WHOLE)) * Vec3 { float(blend.red), float(blend.green), float(blend.blue) };
 }
 
 // A float of this size has no places after the point: what is added to it is rounded, and its last bits are a whole
@@ -63,25 +63,25 @@ WARPCAM_FN Vec to_color(const Blend& blend)
 constexpr float WHOLE_NUMBERS = 8388608.0f;
 
 // Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
-WARPCAM_FN float level_of_detail(float right, float down, int levels)
+WARPCAM_DEVICE float level_of_detail(float right, float down, int levels)
 {
-    const float longer = upper(right, down);
+    const float longer = max(right, down);
     if (!(longer > 1.0f))  // NaN too
         return 0.0f;
-    return lower(0.5f * logarithm2(lower(longer, 1.0e30f)), float(levels - 1));
+    return min(0.5f * log2(min(longer, 1.0e30f)), float(levels - 1));
 }
 
 // One level of a texture; of a cube, its faces' side.
 struct Level {
     int start, width, height;
 
-    WARPCAM_FN Level next(int images) const
+    WARPCAM_DEVICE Level next(int images) const
     {
         return { start + images * width * height, width > 1 ? width >> 1 : 1, height > 1 ? height >> 1 : 1 };
     }
 
     // The level some steps on. While sides halve without a rest their areas are a geometric series.
-    WARPCAM_FN Level after(int steps, int images) const
+    WARPCAM_DEVICE Level after(int steps, int images) const
     {
         const int low_width = width >> steps, low_height = height >> steps;
         if (low_width << steps == width && low_height << steps == height)
@@ -100,7 +100,7 @@ struct Between {
     float on;
 };
 
-WARPCAM_FN Between between_texels(float unit, int size)
+WARPCAM_DEVICE Between between_texels(float unit, int size)
 {
     constexpr float BASE = 1.5f * WHOLE_NUMBERS;  // of whole numbers of either sign
     const float place = unit * float(size) - 0.5f, base = (place - 0.5f) + BASE;
@@ -108,19 +108,19 @@ WARPCAM_FN Between between_texels(float unit, int size)
 }
 
 // What comes before the first texel is the last.
-WARPCAM_FN int first_or_last(int first, int size)
+WARPCAM_DEVICE int first_or_last(int first, int size)
 {
 #if defined(__CUDA_ARCH__)
-    return int(min(unsigned(first), unsigned(size - 1)));
+    return int(::min(unsigned(first), unsigned(size - 1)));
 #else
     return first < 0 ? size - 1 : first;
 #endif
 }
 
 // Two weights, of which none is negative and both make WHOLE at most, in the halves of a word: the first in the lower.
-WARPCAM_FN unsigned two_weights(float part, float first, float other, float second)
+WARPCAM_DEVICE unsigned two_weights(float part, float first, float other, float second)
 {
-    const int low = as_int(muladd(part, first, WHOLE_NUMBERS)), high = as_int(muladd(other, second, WHOLE_NUMBERS));
+    const int low = as_int(fma(part, first, WHOLE_NUMBERS)), high = as_int(fma(other, second, WHOLE_NUMBERS));
 #if defined(__CUDA_ARCH__)
     return __byte_perm(low, high, 0x5410);
 #else
@@ -129,7 +129,7 @@ WARPCAM_FN unsigned two_weights(float part, float first, float other, float seco
 }
 
 // Adds four neighbours, the upper two first, which together weigh `total`.
-WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, float total,
+WARPCAM_DEVICE void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, float total,
                          Blend& blend)
 {
     const float low = y.on * total, high = total - low, left = 1.0f - x.on;
@@ -138,7 +138,7 @@ WARPCAM_FN void add_quad(const unsigned* texels, const int* quad, const Between&
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total, Blend& blend)
+WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total, Blend& blend)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int left = first_or_last(x.first, level.width), right = x.first + 1 >= level.width ? 0 : x.first + 1;
@@ -149,7 +149,7 @@ WARPCAM_FN void add_bilinear(const unsigned* texels, const Level& level, float u
 }
 
 #if defined(__CUDA_ARCH__)
-WARPCAM_FN Vec look_up(unsigned long long sheet, float x, float y)
+WARPCAM_DEVICE Vec3 look_up(unsigned long long sheet, float x, float y)
 {
     float red, green, blue, alpha;
     asm("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
@@ -159,7 +159,7 @@ WARPCAM_FN Vec look_up(unsigned long long sheet, float x, float y)
 }
 
 // The same of a mipmapped texture, at (u, v), in images, which repeat.
-WARPCAM_FN Vec look_up(unsigned long long mips, float u, float v, float level)
+WARPCAM_DEVICE Vec3 look_up(unsigned long long mips, float u, float v, float level)
 {
     float red, green, blue, alpha;
     asm("tex.level.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}], %7;"
@@ -170,10 +170,10 @@ WARPCAM_FN Vec look_up(unsigned long long mips, float u, float v, float level)
 #endif
 
 // The part of `unit` after the point; 0 of what has none.
-WARPCAM_FN float fraction(float unit) { return saturated(unit - round_down(unit)); }
+WARPCAM_DEVICE float fraction(float unit) { return saturate(unit - round_down(unit)); }
 
 // Colour in [0, 1] at (u, v), in images, between a level and the next, which starts at `next`; `on` says how far on.
-WARPCAM_FN Vec sample_levels(const unsigned* texels, const Level& level, int next, float u, float v, float on)
+WARPCAM_DEVICE Vec3 sample_levels(const unsigned* texels, const Level& level, int next, float u, float v, float on)
 {
     const float coarse = float(WHOLE) * on;
     u = fraction(u);
@@ -188,7 +188,7 @@ WARPCAM_FN Vec sample_levels(const unsigned* texels, const Level& level, int nex
 }
 
 // The sheet that a texture lies on; 0 where it has none.
-template <class Textures> WARPCAM_FN unsigned long long sheet_of(const Textures& textures, int texture)
+template <class Textures> WARPCAM_DEVICE unsigned long long sheet_of(const Textures& textures, int texture)
 {
 #if defined(__CUDA_ARCH__)
     if (texture >= 0 && texture < textures.sheets.shape[0])
@@ -199,7 +199,7 @@ template <class Textures> WARPCAM_FN unsigned long long sheet_of(const Textures&
 
 // Where a level lies on its image's sheet: width, height, and where it begins, left and top, all floats. Level 0 stands
 // on the left, the others below each other beside it; each has a border of a texel, which repeats the other side's.
-WARPCAM_FN Row level_on_sheet(const Image& image, int number)
+WARPCAM_DEVICE Float3Int level_on_sheet(const Image& image, int number)
 {
     int width = image.width >> number, height = image.height >> number, left = image.width + 3, top;
     if (number == 0) {
@@ -210,14 +210,14 @@ WARPCAM_FN Row level_on_sheet(const Image& image, int number)
         top = 1;
 #pragma unroll 1
         for (int i = 1; i < number; ++i)
-            top += upper_int(image.height >> i, 1) + 2;
+            top += max(image.height >> i, 1) + 2;
     }
-    return { float(upper_int(width, 1)), float(upper_int(height, 1)), float(left), as_int(float(top)) };
+    return { float(max(width, 1)), float(max(height, 1)), float(left), as_int(float(top)) };
 }
 
 // The same of a cube: side, how far its faces are apart, and where it begins, left and top. A level's faces stand in a
 // row, with borders of the faces that they meet, the levels below each other.
-WARPCAM_FN Row level_of_cube_on_sheet(int size, int number)
+WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
 {
     const int side = size >> number;
     int top = 1;
@@ -226,27 +226,27 @@ WARPCAM_FN Row level_of_cube_on_sheet(int size, int number)
     else
 #pragma unroll 1
         for (int i = 0; i < number; ++i)
-            top += upper_int(size >> i, 1) + 2;
-    const float shown = float(upper_int(side, 1));
+            top += max(size >> i, 1) + 2;
+    const float shown = float(max(side, 1));
     return { shown, shown + 2.0f, 1.0f, as_int(float(top)) };
 }
 
 #if defined(__CUDA_ARCH__)
 // Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
 // rounds how far a place is from a texel to 1/256.
-WARPCAM_FN Vec sample_sheet(unsigned long long sheet, const Row& near, const Row& far, float u, float v, float on)
+WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u, float v, float on)
 {
     u = fraction(u);
     v = fraction(v);
-    const Vec first = look_up(sheet, muladd(u, near.x, near.z), muladd(v, near.y, as_float(near.w)));
-    const Vec second = look_up(sheet, muladd(u, far.x, far.z), muladd(v, far.y, as_float(far.w)));
+    const Vec3 first = look_up(sheet, fma(u, near.x, near.z), fma(v, near.y, as_float(near.w)));
+    const Vec3 second = look_up(sheet, fma(u, far.x, far.z), fma(v, far.y, as_float(far.w)));
     return first + on * (second - first);
 }
 #endif
 
 #if defined(__CUDA_ARCH__)
 // As sample_2d(), from a sheet.
-WARPCAM_FN Vec sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Pair right, Pair down)
+WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right, Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,
@@ -255,13 +255,13 @@ WARPCAM_FN Vec sample_2d_sheet(unsigned long long sheet, const Image& image, flo
                                          image.levels);
     const int steps = int(detail);
     return sample_sheet(sheet, level_on_sheet(image, steps),
-                        level_on_sheet(image, lower_int(steps + 1, image.levels - 1)), u, v, detail - float(steps));
+                        level_on_sheet(image, min(steps + 1, image.levels - 1)), u, v, detail - float(steps));
 }
 #endif
 
 // Colour in [0, 1] of a 2-D texture at (u, v), in images: (0, 0) is the top left corner, and images repeat. The steps
 // from this pixel to the next on the right and to the next below are given by the squares of their lengths in texels.
-WARPCAM_FN Vec sample_level(const unsigned* texels, const Image& image, float u, float v, float right, float down)
+WARPCAM_DEVICE Vec3 sample_level(const unsigned* texels, const Image& image, float u, float v, float right, float down)
 {
     const float detail = level_of_detail(right, down, image.levels);
     const int steps = int(detail);
@@ -270,7 +270,7 @@ WARPCAM_FN Vec sample_level(const unsigned* texels, const Image& image, float u,
 }
 
 // The same for steps in images.
-WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, float v, Pair right, Pair down)
+WARPCAM_DEVICE Vec3 sample_2d(const unsigned* texels, const Image& image, float u, float v, Float2 right, Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,
@@ -279,9 +279,9 @@ WARPCAM_FN Vec sample_2d(const unsigned* texels, const Image& image, float u, fl
 }
 
 // The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
-WARPCAM_FN int cube_face(Vec v)
+WARPCAM_DEVICE int cube_face(Vec3 v)
 {
-    const float x = magnitude(v.x), y = magnitude(v.y), z = magnitude(v.z);
+    const float x = abs(v.x), y = abs(v.y), z = abs(v.z);
     if (x >= y && x >= z)
         return v.x < 0.0f ? 1 : 0;
     if (y >= z)
@@ -290,7 +290,7 @@ WARPCAM_FN int cube_face(Vec v)
 }
 
 // `v` in a face's own axes: right and down in its image, and outwards. The faces' axes are OpenGL's.
-WARPCAM_FN Vec to_face(int face, Vec v)
+WARPCAM_DEVICE Vec3 to_face(int face, Vec3 v)
 {
     const float turn = face & 1 ? -1.0f : 1.0f;
     if (face < 2)
@@ -301,7 +301,7 @@ WARPCAM_FN Vec to_face(int face, Vec v)
 }
 
 // The inverse of `to_face`.
-WARPCAM_FN Vec from_face(int face, Vec v)
+WARPCAM_DEVICE Vec3 from_face(int face, Vec3 v)
 {
     const float turn = face & 1 ? -1.0f : 1.0f;
     if (face < 2)
@@ -312,23 +312,23 @@ WARPCAM_FN Vec from_face(int face, Vec v)
 }
 
 // A texel of a cube, up to one beyond the face's edge: then the one there on the neighbouring face.
-static WARPCAM_COLD int cube_texel(int start, int size, int face, int i, int j)
+static WARPCAM_NOINLINE int cube_texel(int start, int size, int face, int i, int j)
 {
     if (i < 0 || j < 0 || i >= size || j >= size) {
-        const float half = 0.5f * float(size), rate = reciprocal(half);
+        const float half = 0.5f * float(size), rate = rcp(half);
         const float right = (float(i) + 0.5f) * rate - 1.0f, down = (float(j) + 0.5f) * rate - 1.0f;
-        const Vec direction = from_face(face, { right, down, 1.0f });
+        const Vec3 direction = from_face(face, { right, down, 1.0f });
         face = cube_face(direction);
-        const Vec place = to_face(face, direction);
-        const float outwards = reciprocal(place.z);
+        const Vec3 place = to_face(face, direction);
+        const float outwards = rcp(place.z);
         i = int((place.x * outwards + 1.0f) * half);
         j = int((place.y * outwards + 1.0f) * half);
     }
-    return start + (face * size + between(j, 0, size - 1)) * size + between(i, 0, size - 1);
+    return start + (face * size + clamp(j, 0, size - 1)) * size + clamp(i, 0, size - 1);
 }
 
 // Adds the colour at (s, t) in [0, 1] of a face.
-WARPCAM_FN void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float total,
+WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float total,
                                   Blend& blend)
 {
     const int size = level.width;
@@ -350,23 +350,23 @@ struct OnCube {
     float s, t, detail;
 };
 
-WARPCAM_FN OnCube on_cube(const Image& image, Vec direction, Vec right, Vec down)
+WARPCAM_DEVICE OnCube on_cube(const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
     const int face = cube_face(direction), size = image.width;
-    const Vec place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
-    const float rate = reciprocal(upper(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
+    const Vec3 place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
+    const float rate = rcp(max(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
     const float x = place.x * rate, y = place.y * rate;
     const float right_x = scale * (step_right.x - x * step_right.z);
     const float right_y = scale * (step_right.y - y * step_right.z);
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
     const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
                                          image.levels);
-    return { face, saturated(0.5f * x + 0.5f), saturated(0.5f * y + 0.5f), detail };
+    return { face, saturate(0.5f * x + 0.5f), saturate(0.5f * y + 0.5f), detail };
 }
 
 // Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
 // `direction` from this pixel to the next on the right and to the next below.
-static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, Vec direction, Vec right, Vec down)
+static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
     const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
@@ -381,17 +381,17 @@ static WARPCAM_COLD Vec sample_cube(const unsigned* texels, const Image& image, 
 
 #if defined(__CUDA_ARCH__)
 // The same, from a sheet.
-WARPCAM_FN Vec sample_cube_sheet(unsigned long long sheet, const Image& image, Vec direction, Vec right, Vec down)
+WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
     const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
-    const Row near = level_of_cube_on_sheet(image.width, steps);
-    const Row far = level_of_cube_on_sheet(image.width, lower_int(steps + 1, image.levels - 1));
+    const Float3Int near = level_of_cube_on_sheet(image.width, steps);
+    const Float3Int far = level_of_cube_on_sheet(image.width, min(steps + 1, image.levels - 1));
     const float face = float(on.face), part = on.detail - float(steps);
-    const Vec first = look_up(sheet, muladd(face, near.y, muladd(on.s, near.x, near.z)),
-                              muladd(on.t, near.x, as_float(near.w)));
-    const Vec second = look_up(sheet, muladd(face, far.y, muladd(on.s, far.x, far.z)),
-                               muladd(on.t, far.x, as_float(far.w)));
+    const Vec3 first = look_up(sheet, fma(face, near.y, fma(on.s, near.x, near.z)),
+                              fma(on.t, near.x, as_float(near.w)));
+    const Vec3 second = look_up(sheet, fma(face, far.y, fma(on.s, far.x, far.z)),
+                               fma(on.t, far.x, as_float(far.w)));
     return first + part * (second - first);
 }
 #endif

@@ -7,23 +7,23 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int ENOUGH_PAIRS = 16;  // of a ray and a face; fewer wait for company
+constexpr int MIN_LEAF_PAIRS = 16;  // of a ray and a face; fewer wait for company
 
 // Bits of all lanes.
-WARPCAM_FN unsigned bits_of_all(unsigned bits)
+WARPCAM_DEVICE unsigned warp_reduce_or(unsigned bits)
 {
 #if __CUDA_ARCH__ >= 800
-    return __reduce_or_sync(ALL, bits);
+    return __reduce_or_sync(FULL_WARP, bits);
 #else
-    for (int step = LANES / 2; step > 0; step /= 2)
-        bits |= __shfl_xor_sync(ALL, bits, step);
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        bits |= __shfl_xor_sync(FULL_WARP, bits, step);
     return bits;
 #endif
 }
 
 // Finds the ray's nearest hit among a leaf's faces, if it is before its hit so far.
 template <int TYPES, class Meshes, class Ray>
-WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
+WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
                           float& depth, int& shape, int& face)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
@@ -31,12 +31,12 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
     const unsigned faces = as_int(record.size.z);
     constexpr int TOGETHER = faces_together(TYPES);
     for (int begin = first; begin < end; begin += TOGETHER) {
-        Row corners[TOGETHER][3];
+        Float3Int corners[TOGETHER][3];
         load_faces(meshes.faces.data, faces, begin, end, corners);
 #pragma unroll
         for (int i = 0; i < TOGETHER; ++i) {
             const int f = face_of<TOGETHER>(begin, i, end);
-            const Row &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
+            const Float3Int &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z),
                                            project(frame, b.x, b.y, b.z), project(frame, c.x, c.y, c.z),
                                            has_back<TYPES>(b.w));
@@ -50,121 +50,121 @@ WARPCAM_FN void meet_leaf(const Record& record, const Meshes& meshes, const Ray&
 }
 
 // The faces of all leaves that lanes of a warp have come to, lane after lane, each with its lane's ray.
-struct LeafPairs {
+struct RayFacePairs {
     int first;       // the lane's first face
     int begin, end;  // where its faces stand
     int count;       // of all
 
-    // Of a leaf; of what is none 0.
-    WARPCAM_FN static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
+    // Number of faces of a leaf; 0 for anything else.
+    WARPCAM_DEVICE static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
 
     // Lanes whose `node` is no leaf have none. They are added up by their bits; of all lanes there are `all`.
-    WARPCAM_FN LeafPairs(int node, int all)
+    WARPCAM_DEVICE RayFacePairs(int node, int all)
     {
         const int code = node < 0 ? -node - 1 : 0, faces = code & 15;
-        const unsigned before = (1u << threadIdx.x % LANES) - 1;
+        const unsigned before = (1u << threadIdx.x % WARP_SIZE) - 1;
         first = code >> 4;
         begin = 0;
         count = all;
 #pragma unroll
         for (int bit = 0; bit < 4; ++bit) {
-            const unsigned with = __ballot_sync(ALL, faces >> bit & 1);
+            const unsigned with = __ballot_sync(FULL_WARP, faces >> bit & 1);
             begin += __popc(with & before) << bit;
         }
         end = begin + faces;
     }
 
     // Whose pair stands so many places behind `window` as the lane's number is, and where his begin in the window.
-    WARPCAM_FN int owner(unsigned char (&owners)[LANES], int window, int& start) const
+    WARPCAM_DEVICE int owner(unsigned char (&owners)[WARP_SIZE], int window, int& start) const
     {
-        const int lane = threadIdx.x % LANES, place = begin > window ? begin - window : 0;
-        const bool begins = end > begin && begin < window + LANES && end > window;
-        const unsigned places = bits_of_all(begins ? 1u << place : 0);
+        const int lane = threadIdx.x % WARP_SIZE, place = begin > window ? begin - window : 0;
+        const bool begins = end > begin && begin < window + WARP_SIZE && end > window;
+        const unsigned places = warp_reduce_or(begins ? 1u << place : 0);
         if (begins)
             owners[place] = static_cast<unsigned char>(lane);
         __syncwarp();
-        start = LANES - 1 - __clz(places & ((2u << lane) - 1));
+        start = WARP_SIZE - 1 - __clz(places & ((2u << lane) - 1));
         return owners[start];
     }
 
     // The face there, of lane `from`.
-    WARPCAM_FN int face(int window, int from) const
+    WARPCAM_DEVICE int face(int window, int from) const
     {
-        return __shfl_sync(ALL, first - begin, from) + window + threadIdx.x % LANES;
+        return __shfl_sync(FULL_WARP, first - begin, from) + window + threadIdx.x % WARP_SIZE;
     }
 
-    // What is left of the lane's leaf if only the first so many pairs were tested: a leaf's code, or NO_NODE.
-    WARPCAM_FN int left_of(int tested) const
+    // Rest of the lane's leaf if only the first `tested` pairs were tested: a leaf's code, or NO_NODE.
+    WARPCAM_DEVICE int left_of(int tested) const
     {
-        const int from = upper_int(begin, tested);
+        const int from = max(begin, tested);
         return from < end ? -((first + from - begin) * 16 + end - from) - 1 : NO_NODE;
     }
 
     // The lane's own places in a window, by bit.
-    WARPCAM_FN unsigned places(int window) const
+    WARPCAM_DEVICE unsigned places(int window) const
     {
-        const int last = lower_int(end - window, LANES);
-        const unsigned until = last <= 0 ? 0 : ALL >> (LANES - last), from = begin > window ? begin - window : 0;
-        return from < LANES ? until >> from << from : 0;
+        const int last = min(end - window, WARP_SIZE);
+        const unsigned until = last <= 0 ? 0 : FULL_WARP >> (WARP_SIZE - last), from = begin > window ? begin - window : 0;
+        return from < WARP_SIZE ? until >> from << from : 0;
     }
 };
 
 // A warp's room for such pairs.
 struct PairRoom {
-    unsigned char owners[LANES];
-    float depth[LANES];  // of the lanes' nearest hits
-    int face[LANES];
+    unsigned char owners[WARP_SIZE];
+    float depth[WARP_SIZE];  // of the lanes' nearest hits
+    int face[WARP_SIZE];
 };
 
-// The same of a ray that ends at any face.
+// Shared memory for rays that end at any face.
 struct AnyPairRoom {
-    unsigned char owners[LANES];
+    unsigned char owners[WARP_SIZE];
 };
 
-// Where a pair's ray enters its face beyond `near` and before `depth`, else FAR_AWAY.
-template <int TYPES, class Meshes, class Ray> WARPCAM_FN float meet_face(const Record& record, const Meshes& meshes,
+// Intersects a pair's ray with its face beyond `near` and before `depth`; MISS if there is no intersection.
+template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record, const Meshes& meshes,
                                                                          const Ray& ray, int face, float near,
                                                                          float depth)
 {
-    const Row* rows =
-        reinterpret_cast<const Row*>(meshes.faces.data) + (as_int(record.size.z) + unsigned(face * FACE_ROWS));
-    const Row a = load(rows, 0), b = load(rows, 1), c = load(rows, 2);
+    const Float3Int* rows =
+        reinterpret_cast<const Float3Int*>(meshes.faces.data) + (as_int(record.size.z) + unsigned(face * FACE_ROWS));
+    const Float3Int a = load(rows, 0), b = load(rows, 1), c = load(rows, 2);
     const RayFrame frame = ray.template frame<TYPES>(record);
     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
                                    project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : FAR_AWAY;
+    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : MISS;
 }
 
-// The same for all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces together;
-// says whether the lane's ray hits one. With `full` lanes wait for company again rather than leave most of a warp idle:
-// `node` becomes what is left of the leaf.
+// Tests the leaves of all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces
+// together; returns whether the lane's ray hits one. With `full` lanes wait again for others rather than leave most of
+// a warp idle: `node` becomes the rest of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
-WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
+WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
                             int faces, float near, bool full, float& depth, int& face, int& left)
 {
-    const int lane = threadIdx.x % LANES;
-    const LeafPairs pairs(node, faces);
-    const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
-    const int tested = some ? pairs.count / LANES * LANES : pairs.count;
+    const int lane = threadIdx.x % WARP_SIZE;
+    const RayFacePairs pairs(node, faces);
+    const bool some = full && pairs.count > WARP_SIZE && pairs.count % WARP_SIZE < MIN_LEAF_PAIRS;
+    const int tested = some ? pairs.count / WARP_SIZE * WARP_SIZE : pairs.count;
     room.depth[lane] = depth;
-    for (int window = 0; window < tested; window += LANES) {
+    for (int window = 0; window < tested; window += WARP_SIZE) {
         int start;
         const int from = pairs.owner(room.owners, window, start), number = pairs.face(window, from);
         Ray its = ray;
-        its.x = __shfl_sync(ALL, ray.x, from);
-        its.y = __shfl_sync(ALL, ray.y, from);
-        const Record& record = list.records[__shfl_sync(ALL, slot, from)];
-        const float from_on = __shfl_sync(ALL, near, from);
-        float t = FAR_AWAY;
+        its.x = __shfl_sync(FULL_WARP, ray.x, from);
+        its.y = __shfl_sync(FULL_WARP, ray.y, from);
+        const ShapeRecord& record = list.records[__shfl_sync(FULL_WARP, slot, from)];
+        const float from_on = __shfl_sync(FULL_WARP, near, from);
+        float t = MISS;
         if (window + lane < pairs.count)
             t = meet_face<TYPES>(record, meshes, its, number, from_on, room.depth[from]);
-        const bool hits = t < FAR_AWAY;
-        if (!__any_sync(ALL, hits))
+        const bool hits = t < MISS;
+        if (!__any_sync(FULL_WARP, hits))
             continue;
         if (hits)
             atomicMin(reinterpret_cast<int*>(&room.depth[from]), as_int(t));  // none is negative
         __syncwarp();
-        const unsigned nearest = __ballot_sync(ALL, hits && room.depth[from] == t);
+        const unsigned nearest = __ballot_sync(FULL_WARP, hits && room.depth[from] == t);
         if ((nearest >> lane & 1) && !(nearest & ((1u << lane) - (1u << start))))  // of equals the first
             room.face[from] = number;
     }
@@ -178,32 +178,32 @@ WARPCAM_FN bool meet_leaves(PairRoom& room, const List& list, const Meshes& mesh
     return met;
 }
 
-// The same of rays that end here if they hit: few faces are hit, so their lanes ask for them one after another.
+// Tests leaves for rays that end at any hit: few faces are hit, so their lanes ask for them one after another.
 template <int TYPES, class List, class Meshes, class Ray>
-WARPCAM_FN bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
+WARPCAM_DEVICE bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
                             int node, int faces, float near, bool full, float& depth, int& face, int& left)
 {
-    const int lane = threadIdx.x % LANES;
-    const LeafPairs pairs(node, faces);
-    const bool some = full && pairs.count > LANES && pairs.count % LANES < ENOUGH_PAIRS;
-    const int tested = some ? pairs.count / LANES * LANES : pairs.count;
+    const int lane = threadIdx.x % WARP_SIZE;
+    const RayFacePairs pairs(node, faces);
+    const bool some = full && pairs.count > WARP_SIZE && pairs.count % WARP_SIZE < MIN_LEAF_PAIRS;
+    const int tested = some ? pairs.count / WARP_SIZE * WARP_SIZE : pairs.count;
     bool met = false;
-    for (int window = 0; window < tested; window += LANES) {
+    for (int window = 0; window < tested; window += WARP_SIZE) {
         int start;
         const int from = pairs.owner(room.owners, window, start), number = pairs.face(window, from);
         Ray its = ray;
-        its.x = __shfl_sync(ALL, ray.x, from);
-        its.y = __shfl_sync(ALL, ray.y, from);
-        const Record& record = list.records[__shfl_sync(ALL, slot, from)];
-        const float from_on = __shfl_sync(ALL, near, from), until = __shfl_sync(ALL, depth, from);
-        float t = FAR_AWAY;
+        its.x = __shfl_sync(FULL_WARP, ray.x, from);
+        its.y = __shfl_sync(FULL_WARP, ray.y, from);
+        const ShapeRecord& record = list.records[__shfl_sync(FULL_WARP, slot, from)];
+        const float from_on = __shfl_sync(FULL_WARP, near, from), until = __shfl_sync(FULL_WARP, depth, from);
+        float t = MISS;
         if (window + lane < pairs.count)
             t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
-        const unsigned hits = __ballot_sync(ALL, t < FAR_AWAY);
-        for (unsigned mine = hits & pairs.places(window); __any_sync(ALL, mine); mine &= mine - 1) {
-            const int giver = mine ? lowest_bit(mine) : lane;
-            const float its_depth = __shfl_sync(ALL, t, giver);
-            const int its_face = __shfl_sync(ALL, number, giver);
+        const unsigned hits = __ballot_sync(FULL_WARP, t < MISS);
+        for (unsigned mine = hits & pairs.places(window); __any_sync(FULL_WARP, mine); mine &= mine - 1) {
+            const int giver = mine ? ctz(mine) : lane;
+            const float its_depth = __shfl_sync(FULL_WARP, t, giver);
+            const int its_face = __shfl_sync(FULL_WARP, number, giver);
             if (mine && its_depth < depth) {
                 depth = its_depth;
                 face = its_face;

@@ -11,44 +11,44 @@ namespace warpcam {
 constexpr int HOUSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
 constexpr int HOUSING_STACK = 16;  // nodes that wait
 
-WARPCAM_FN float length_bound(Vec v) { return magnitude(v.x) + magnitude(v.y) + magnitude(v.z); }
+WARPCAM_DEVICE float length_bound(Vec3 v) { return abs(v.x) + abs(v.y) + abs(v.z); }
 
 // The rays through four corners of an image's part, as a shape sees them.
 struct CornerRays {
-    Vec directions[4];
+    Vec3 directions[4];
     float size;  // at least the length of each
 
-    WARPCAM_FN CornerRays(const Record& record, const TileRays& part)
+    WARPCAM_DEVICE CornerRays(const ShapeRecord& record, const TileRays& part)
     {
-        const Row ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
+        const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
         size = 0.0f;
 #pragma unroll
         for (int i = 0; i < 4; ++i) {
             const float x = i & 1 ? part.right : part.left, y = i & 2 ? part.top : part.bottom;
-            const Vec d { ax.x * x + ax.y * y - ax.z, ay.x * x + ay.y * y - ay.z, az.x * x + az.y * y - az.z };
+            const Vec3 d { ax.x * x + ax.y * y - ax.z, ay.x * x + ay.y * y - ay.z, az.x * x + az.y * y - az.z };
             directions[i] = d;
-            size = upper(size, length_bound(d));
+            size = max(size, length_bound(d));
         }
     }
 };
 
-// May a ray between these, from the origin, meet the face? No if all pass the same edge on its outer side, or if its
-// plane shows its back to where they begin; by more than all rounding in enter_triangle().
-WARPCAM_FN bool may_meet_face(const CornerRays& rays, Vec a, Vec b, Vec c, bool both)
+// True if a ray between these, from the origin, may intersect the face. False if all pass the same edge on its outer
+// side, or if the face's plane shows its back to their origin; by more than all rounding in enter_triangle().
+WARPCAM_DEVICE bool may_meet_face(const CornerRays& rays, Vec3 a, Vec3 b, Vec3 c, bool both)
 {
-    const float reach = upper(upper(length_bound(a), length_bound(b)), length_bound(c));
+    const float reach = max(max(length_bound(a), length_bound(b)), length_bound(c));
     const float slack = 1.0e-5f * rays.size * rays.size * reach * reach;
-    const Vec edges[3] = { cross(a, b), cross(b, c), cross(c, a) };
+    const Vec3 edges[3] = { cross(a, b), cross(b, c), cross(c, a) };
     const float behind = dot(a, edges[1]);
     bool front = !(behind > slack * reach), back = both && !(-behind > slack * reach);
 #pragma unroll
     for (int k = 0; k < 3; ++k) {
-        float least = FAR_AWAY, most = -FAR_AWAY;
+        float least = MISS, most = -MISS;
 #pragma unroll
         for (int i = 0; i < 4; ++i) {
             const float side = dot(rays.directions[i], edges[k]);
-            least = lower(least, side);
-            most = upper(most, side);
+            least = min(least, side);
+            most = max(most, side);
         }
         front = front && !(least > slack);
         back = back && !(-most > slack);
@@ -58,10 +58,10 @@ WARPCAM_FN bool may_meet_face(const CornerRays& rays, Vec a, Vec b, Vec c, bool 
 
 // One child of a node: its box and its code.
 template <int TYPES>
-WARPCAM_FN int child_of(const void* rows, unsigned nodes, int node, int k, const Record& record, Vec& low, Vec& high)
+WARPCAM_DEVICE int child_of(const void* rows, unsigned nodes, int node, int k, const ShapeRecord& record, Vec3& low, Vec3& high)
 {
     const auto part = [&](unsigned row) {
-        const Row of_all = load(rows, row);
+        const Float3Int of_all = load(rows, row);
         return k == 0 ? of_all.x : k == 1 ? of_all.y : k == 2 ? of_all.z : as_float(of_all.w);
     };
 #if defined(__CUDA_ARCH__)
@@ -79,9 +79,9 @@ WARPCAM_FN int child_of(const void* rows, unsigned nodes, int node, int k, const
         return as_int(part(first + 3));
     }
     const unsigned first = nodes + unsigned(node * NODE_ROWS + 2 * k);
-    const Row lower_corner = load(rows, first);
-    low = to_vec(lower_corner);
-    high = to_vec(load(rows, first + 1));
+    const Float3Int lower_corner = load(rows, first);
+    low = as_vec3(lower_corner);
+    high = as_vec3(load(rows, first + 1));
     return lower_corner.w;
 #else
     const unsigned first = nodes + unsigned(node * NODE_ROWS);
@@ -92,7 +92,7 @@ WARPCAM_FN int child_of(const void* rows, unsigned nodes, int node, int k, const
 }
 
 // A region's rays lie between these.
-WARPCAM_FN TileRays rays_of_region(const Camera& camera, const Region& region)
+WARPCAM_DEVICE TileRays rays_of_region(const Camera& camera, const Region& region)
 {
     return { image_x(camera, float(region.left) - 1.0f), image_x(camera, float(region.left + region.width)),
              image_y(camera, float(region.top + region.height)), image_y(camera, float(region.top) - 1.0f) };
@@ -101,9 +101,9 @@ WARPCAM_FN TileRays rays_of_region(const Camera& camera, const Region& region)
 // False if the camera is inside the mesh's box and no ray of a part of its image can meet a face of it. Meshes of which
 // that takes long to say may be seen.
 template <int TYPES, class Meshes>
-WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& meshes, const TileRays& part)
+WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Meshes& meshes, const TileRays& part)
 {
-    const Row o = record.origin;
+    const Float3Int o = record.origin;
     const auto least = wp::index(meshes.lower, record.axis_z.w), most = wp::index(meshes.upper, record.axis_z.w);
     if (o.x < least[0] || o.y < least[1] || o.z < least[2] || o.x > most[0] || o.y > most[1] || o.z > most[2])
         return true;
@@ -113,7 +113,7 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
     for (int visited = 0; visited < HOUSING_NODES; ++visited) {
 #pragma unroll 1
         for (int k = 0; k < 4; ++k) {
-            Vec low, high;
+            Vec3 low, high;
             const int child = child_of<TYPES>(meshes.nodes.data, nodes, node, k, record, low, high);
             if (child == 0 || !may_meet_box(record, low, high, part))  // the root is nobody's child
                 continue;
@@ -126,11 +126,11 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
             const int code = -child - 1, begin = code >> 4, end = begin + (code & 15);
 #pragma unroll 1
             for (int face = begin; face < end; ++face) {
-                Row corners[1][3];
+                Float3Int corners[1][3];
                 load_faces<1>(meshes.faces.data, faces, face, end, corners);
-                const Vec from { o.x, o.y, o.z };
-                if (may_meet_face(rays, to_vec(corners[0][0]) - from, to_vec(corners[0][1]) - from,
-                                  to_vec(corners[0][2]) - from, has_back<TYPES>(corners[0][1].w)))
+                const Vec3 from { o.x, o.y, o.z };
+                if (may_meet_face(rays, as_vec3(corners[0][0]) - from, as_vec3(corners[0][1]) - from,
+                                  as_vec3(corners[0][2]) - from, has_back<TYPES>(corners[0][1].w)))
                     return true;
             }
         }
@@ -141,9 +141,9 @@ WARPCAM_FN bool may_be_seen_from_inside(const Record& record, const Meshes& mesh
     return true;
 }
 
-// Such meshes touch no tile of the region.
+// Removes such meshes from all tiles of the region.
 template <int TYPES, class List, class Meshes>
-WARPCAM_FN void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
+WARPCAM_DEVICE void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
 {
     for (int slot = thread; slot < list.count; slot += THREADS)  // as sort_by_depth() goes on from here
         if (is_mesh<TYPES>(list.records[slot]) && !may_be_seen_from_inside<TYPES>(list.records[slot], meshes, region))

@@ -8,30 +8,31 @@
 namespace warpcam {
 
 // The rays of one warp.
-template <int WORDS> struct MeshRays: WaitingRays<WORDS> {
+template <int WORDS> struct MeshRays: RayQueue<WORDS> {
     static constexpr bool ANY = false;     // the nearest of a mesh's faces
     static constexpr bool PAIRED = false;  // each lane tests the faces of its own ray
-    float depth[LANES];  // of the waiting rays' nearest hits so far
+    float depth[WARP_SIZE];  // of the waiting rays' nearest hits so far
 };
 
-// Those of a warp that has few: its lanes test faces for each other, see traversal/cooperative_leaf_test.h.
+// Rays of a warp that has few: its lanes test faces for each other, see traversal/cooperative_leaf_test.h.
 template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
     PairRoom room;
 };
 
-// The same where what is nearest matters between meshes, not within one: any face that is hit will do.
+// Rays for which distance matters between meshes, not within one: any face that is hit will do.
 template <int WORDS> struct AnyMeshRays: MeshRays<WORDS> {
     static constexpr bool ANY = true, PAIRED = true;
     AnyPairRoom room;
 };
 
-// Those of a list. Where there are many meshes, of few faces each, a ray hits about as many faces as it tests.
+// Rays for a list of this capacity. Where there are many meshes, of few faces each, a ray hits about as many faces as
+// it tests.
 template <int CAPACITY, bool PAIRED = (CAPACITY <= 64)> struct MeshRaysOf {
-    using type = PairedMeshRays<(CAPACITY + LANES - 1) / LANES>;
+    using type = PairedMeshRays<(CAPACITY + WARP_SIZE - 1) / WARP_SIZE>;
 };
 template <int CAPACITY> struct MeshRaysOf<CAPACITY, false> {
-    using type = MeshRays<(CAPACITY + LANES - 1) / LANES>;
+    using type = MeshRays<(CAPACITY + WARP_SIZE - 1) / WARP_SIZE>;
 };
 
 // A node that waits, and where the ray enters it: loaded and stored at once.
@@ -39,7 +40,7 @@ struct alignas(8) Pending {
     int node;
     float enter;
 
-    WARPCAM_FN int before(float depth) const
+    WARPCAM_DEVICE int before(float depth) const
     {
         const Pending one = *this;
         return one.enter < depth ? one.node : NO_NODE;
@@ -57,33 +58,33 @@ constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
-WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
-                         const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
+                         const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    const unsigned steps = TileSpans::steps(column, row, 1, 1);
+    const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
+    const unsigned steps = PackedTileRect::steps(column, row, 1, 1);
     unsigned met[WORDS] {};
     bool any = false;
     for (int word = 0; word < words; ++word) {
-        const int rank = word * LANES + lane;
+        const int rank = word * WARP_SIZE + lane;
         const bool mine = rank < list.count && list.tiles[rank].touches(steps)
             && is_mesh<TYPES>(list.records[list.order[rank]]);
-        unsigned mask = __ballot_sync(ALL, mine);
+        unsigned mask = __ballot_sync(FULL_WARP, mine);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
             const TileRays tile = rays_of_tile(ray);
             bool may = mine;
             if (mine) {
-                const Record& record = list.records[list.order[rank]];
+                const ShapeRecord& record = list.records[list.order[rank]];
                 const auto low = wp::index(meshes.lower, record.axis_z.w),
                            high = wp::index(meshes.upper, record.axis_z.w);
                 may = may_meet_box(record, { low[0], low[1], low[2] }, { high[0], high[1], high[2] }, tile);
             }
-            mask = __ballot_sync(ALL, may);
+            mask = __ballot_sync(FULL_WARP, may);
         }
-        met[word] = find_meshes(mask, list.records, list.order + word * LANES, ray, near, meshes, depth);
+        met[word] = find_meshes(mask, list.records, list.order + word * WARP_SIZE, ray, near, meshes, depth);
         any |= met[word] != 0;
     }
-    const unsigned found = __ballot_sync(ALL, any);
+    const unsigned found = __ballot_sync(FULL_WARP, any);
     const int place = (row * TILE_HEIGHT + lane / TILE_WIDTH) * 64 + column * TILE_WIDTH + lane % TILE_WIDTH;
     const int at = rays.put(found, met, words, place);
     if (any)
@@ -95,19 +96,19 @@ WARPCAM_FN int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list,
 // Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
 // pixel's ray. `list` has the shapes that they meet: see ShapeList.
 template <int TYPES, class Rays, class List, class Meshes, class NextTile, class RayOf, class Store>
-WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, float near,
+WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshes, float near,
                            const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
-    const int lane = threadIdx.x % LANES, words = (list.count + LANES - 1) / LANES;
-    // What waits for the lane. Where any face will do, a ray's depth stays as it is as long as it walks: then these are
-    // nodes alone, and the last one is in a register, there before it is needed.
+    const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
+    // Traversal stack of the lane. Where any face will do, a ray's depth stays as it is during traversal: then the
+    // stack holds nodes alone, and the last one is in a register before it is needed.
     typename PendingOf<Rays::ANY>::type stack[STACK + Rays::ANY];
     int pixel = 0, word = 0, slot = 0, node = NO_NODE, height = 0, last = NO_NODE, shape = -1, face = -1;
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
     NodeRay<by_child(TYPES)> boxes {};
-    Supply supply { 0, 0, true };
+    PendingWork supply { 0, 0, true };
     const auto take = [&](int waiting) {
         pixel = rays.pixel[waiting];
         ray = ray_of(pixel);
@@ -129,26 +130,26 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         }
     };
     while (true) {
-        const unsigned idles = __ballot_sync(ALL, node == NO_NODE && left == 0);
-        if (supply.any() && (__popc(idles) >= COMPANY || idles == ALL)) {
+        const unsigned idles = __ballot_sync(FULL_WARP, node == NO_NODE && left == 0);
+        if (supply.any() && (__popc(idles) >= MIN_ACTIVE_LANES || idles == FULL_WARP)) {
             if ((idles >> lane & 1) && shape >= 0) {
                 store(pixel, Hit { depth, shape, face });
                 shape = -1;
             }
             supply.hand_out(idles, next_tile, take);
-        } else if (idles == ALL) {
+        } else if (idles == FULL_WARP) {
             if (shape >= 0)
                 store(pixel, Hit { depth, shape, face });
             return;
         }
 
-        const unsigned between = __ballot_sync(ALL, node == NO_NODE && left != 0);  // on to their next meshes
-        if (between && (Rays::ANY || __popc(between) >= COMPANY || !__any_sync(ALL, node != NO_NODE))) {
+        const unsigned between = __ballot_sync(FULL_WARP, node == NO_NODE && left != 0);  // on to their next meshes
+        if (between && (Rays::ANY || __popc(between) >= MIN_ACTIVE_LANES || !__any_sync(FULL_WARP, node != NO_NODE))) {
             if (between >> lane & 1) {
-                slot = list.order[word * LANES + lowest_bit(left)];
+                slot = list.order[word * WARP_SIZE + ctz(left)];
                 left &= left - 1;
                 rays.go_on(words, word, left);
-                const Record& record = list.records[slot];
+                const ShapeRecord& record = list.records[slot];
                 if (as_float(record.size.w) < depth) {
                     const Ray local = ray.local(record);
                     boxes.set(local.origin, local.direction, record.size.x);
@@ -161,12 +162,12 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
         }
 
         bool inner = node >= 0 && node != NO_NODE;
-        unsigned stepping = __ballot_sync(ALL, inner);
+        unsigned stepping = __ballot_sync(FULL_WARP, inner);
         while (stepping) {
             if (inner) {
-                float enter[4], leave[4], best = FAR_AWAY;
+                float enter[4], leave[4], best = MISS;
                 int child[4];
-                boxes.meet(node_rows<TYPES>(meshes, nodes, node), near, depth, enter, leave, child);
+                boxes.test(node_rows<TYPES>(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
@@ -187,14 +188,14 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 pop();
             }
             inner = node >= 0 && node != NO_NODE;
-            stepping = __ballot_sync(ALL, inner);
-            if (__popc(stepping) < 2 * COMPANY)
+            stepping = __ballot_sync(FULL_WARP, inner);
+            if (__popc(stepping) < 2 * MIN_ACTIVE_LANES)
                 break;
         }
 
-        const int faces = Rays::PAIRED ? sum_of_all(LeafPairs::faces_of(node)) : 0;
-        const bool enough = Rays::PAIRED ? faces >= ENOUGH_PAIRS : __popc(__ballot_sync(ALL, node < 0)) >= COMPANY;
-        if (enough || (!stepping && __any_sync(ALL, node < 0))) {
+        const int faces = Rays::PAIRED ? warp_reduce_add(RayFacePairs::faces_of(node)) : 0;
+        const bool enough = Rays::PAIRED ? faces >= MIN_LEAF_PAIRS : __popc(__ballot_sync(FULL_WARP, node < 0)) >= MIN_ACTIVE_LANES;
+        if (enough || (!stepping && __any_sync(FULL_WARP, node < 0))) {
             int left_of_leaf = NO_NODE;
             bool ends = false;
             if constexpr (Rays::PAIRED)
@@ -205,7 +206,7 @@ WARPCAM_FN void trace_rays(Rays& rays, const List& list, const Meshes& meshes, f
                 }
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
-                    meet_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
+                    test_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
                 node = left_of_leaf;  // also of a ray that ends: or what it hits would hang on the other lanes
                 height = ends ? 0 : height;
                 last = ends ? NO_NODE : last;

@@ -1,30 +1,30 @@
-// What pixels take of the shape that they show alone, where CUDA blocks write normals.
+// Normals that pixels take from their shape alone, on CUDA.
 #pragma once
 #include "traversal/infinite_plane.h"
 
 namespace warpcam {
 
-template <int SLOTS> struct ShapeFacings;
-template <> struct ShapeFacings<0> { };
+template <int HITS_NAME_SLOTS> struct NormalCache;
+template <> struct NormalCache<0> { };
 
 #if defined(__CUDA_ARCH__)
-constexpr float BENT = 2.0f;
+constexpr float NORMAL_VARIES = 2.0f;
 
-// By slot, the first of nothing. Normal in the world; x: BENT where it differs from place to place; w: shape id.
-template <int SLOTS> struct ShapeFacings {
-    Row rows[SLOTS + 1];
-    Row endless[3];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes
+// By slot, the first of nothing. Normal in the world; x: NORMAL_VARIES where it differs from place to place; w: shape id.
+template <int HITS_NAME_SLOTS> struct NormalCache {
+    Float3Int rows[HITS_NAME_SLOTS + 1];
+    Float3Int endless[3];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes
 
     // For one thread.
-    WARPCAM_FN void begin() { rows[0] = { 0.0f, 0.0f, 0.0f, -1 }; }
+    WARPCAM_DEVICE void begin() { rows[0] = { 0.0f, 0.0f, 0.0f, -1 }; }
 
     // For the thread that has a slot's record.
-    template <int TYPES> WARPCAM_FN void note(int slot, const Record& record, int id, const Camera& camera)
+    template <int TYPES> WARPCAM_DEVICE void note(int slot, const ShapeRecord& record, int id, const Camera& camera)
     {
-        Row row { BENT, 0.0f, 0.0f, id };
+        Float3Int row { NORMAL_VARIES, 0.0f, 0.0f, id };
         if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE) {
-            const Vec n = turned(camera.rotation, normalized(to_vec(record.axis_z)));
-            row = to_row(n, id);
+            const Vec3 n = transform(camera.rotation, normalized(as_vec3(record.axis_z)));
+            row = make_float3_int(n, id);
             if (is_endless(record)) {
                 endless[0] = { n.x, n.y, n.z, as_int(n.x) };
                 endless[1] = { n.y, n.z, n.x, as_int(n.y) };

@@ -7,20 +7,20 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-constexpr int COMPANY = 8;  // lanes; fewer wait for company before they do what the others do not need
+constexpr int MIN_ACTIVE_LANES = 8;  // lanes; fewer wait for company before they do what the others do not need
 constexpr int A_FEW_WORDS = 2;  // of 32 shapes, that a lane has in registers
 
 // The rays of one warp. WORDS: 32 shapes of the block's list each.
-template <int WORDS> struct WaitingRays {
+template <int WORDS> struct RayQueue {
     // bits by place in the list: meshes whose boxes a ray meets
-    unsigned waiting[WORDS][LANES];  // of the rays of one tile that no lane has taken yet
-    unsigned taken[WORDS][LANES];    // of the lanes' own; the first word is in a register
-    unsigned short pixel[LANES];     // of the waiting rays: row * 64 + column in the region
+    unsigned waiting[WORDS][WARP_SIZE];  // of the rays of one tile that no lane has taken yet
+    unsigned taken[WORDS][WARP_SIZE];    // of the lanes' own; the first word is in a register
+    unsigned short pixel[WARP_SIZE];     // of the waiting rays: row * 64 + column in the region
 
     // Lets the rays of the lanes in `found` wait; nobody waits yet. Returns where the lane's own ray stands.
-    WARPCAM_FN int put(unsigned found, const unsigned* met, int words, int place)
+    WARPCAM_DEVICE int put(unsigned found, const unsigned* met, int words, int place)
     {
-        const int lane = threadIdx.x % LANES, at = __popc(found & ((1u << lane) - 1));
+        const int lane = threadIdx.x % WARP_SIZE, at = __popc(found & ((1u << lane) - 1));
         if (found >> lane & 1) {
             if constexpr (WORDS <= A_FEW_WORDS) {
 #pragma unroll
@@ -36,34 +36,34 @@ template <int WORDS> struct WaitingRays {
     }
 
     // Makes a ray that waits the lane's own; returns its first word.
-    WARPCAM_FN unsigned take(int ray, int words)
+    WARPCAM_DEVICE unsigned take(int ray, int words)
     {
         for (int word = 1; word < words; ++word)
-            taken[word][threadIdx.x % LANES] = waiting[word][ray];
+            taken[word][threadIdx.x % WARP_SIZE] = waiting[word][ray];
         return waiting[0][ray];
     }
 
     // Goes on to the next word of the lane's ray with a mesh, if `left` of this one has none.
-    WARPCAM_FN void go_on(int words, int& word, unsigned& left) const
+    WARPCAM_DEVICE void go_on(int words, int& word, unsigned& left) const
     {
         while (WORDS > 1 && left == 0 && word + 1 < words)
-            left = taken[++word][threadIdx.x % LANES];
+            left = taken[++word][threadIdx.x % WARP_SIZE];
     }
 };
 
-// What a warp has yet to walk.
-struct Supply {
+// Rays and meshes that a warp has yet to traverse.
+struct PendingWork {
     int first, end;  // of the rays that wait
     bool more;       // tiles
 
-    WARPCAM_FN bool any() const { return more || first < end; }
+    WARPCAM_DEVICE bool any() const { return more || first < end; }
 
     // Gives rays to the lanes in `idles`, as far as there are any: take(ray). `next_tile(found)` draws another tile as
     // far as it goes without meshes and says how many rays wait then; false if there is none left.
     template <class NextTile, class Take>
-    WARPCAM_FN void hand_out(unsigned idles, const NextTile& next_tile, const Take& take)
+    WARPCAM_DEVICE void hand_out(unsigned idles, const NextTile& next_tile, const Take& take)
     {
-        const int lane = threadIdx.x % LANES;
+        const int lane = threadIdx.x % WARP_SIZE;
         while (idles && any()) {
             if (first == end) {
                 first = end = 0;
@@ -74,8 +74,8 @@ struct Supply {
             const bool takes = (idles >> lane & 1) && mine < end;
             if (takes)
                 take(mine);
-            first = lower_int(first + __popc(idles), end);
-            idles &= ~__ballot_sync(ALL, takes);
+            first = min(first + __popc(idles), end);
+            idles &= ~__ballot_sync(FULL_WARP, takes);
             __syncwarp();  // the next tile's rays may now stand where these stood
         }
     }

@@ -6,60 +6,60 @@
 namespace warpcam {
 
 struct Spheres {
-    Vecs at;  // world frame
-    Floats radius;
-    Ints unknown;   // how large the shape is, or a pose or size is not a number
+    Vec3x8 at;  // world frame
+    Float8 radius;
+    Int8 unknown;   // how large the shape is, or a pose or size is not a number
     unsigned there;  // a bit each: the last may be fewer than eight
 };
 
-// Those of the drawn shapes from `first` on.
+// Loads the bounding spheres of the drawn shapes from `first` on.
 template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int world, int first)
 {
-    const int count = lower_int(PACKET, shapes.drawn.shape[0] - first);
+    const int count = min(SIMD_WIDTH, shapes.drawn.shape[0] - first);
     Spheres s;
-    Vecs size;
-    Ints type;
-    Floats turns;
-    for (int k = 0; k < PACKET; ++k) {
-        const int id = wp::index(shapes.drawn, first + lower_int(k, count - 1));
+    Vec3x8 size;
+    Int8 type;
+    Float8 turns;
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const int id = wp::index(shapes.drawn, first + min(k, count - 1));
         const float* const turn = &wp::address(shapes.rotations, world, id)->data[0][0];
-        put_one(s.at, k, to_vec(wp::index(shapes.positions, world, id)));
-        put_one(size, k, to_vec(shared_row(shapes.sizes, world, id)));
+        set_lane(s.at, k, as_vec3(wp::index(shapes.positions, world, id)));
+        set_lane(size, k, as_vec3(per_world(shapes.sizes, world, id)));
         type[k] = wp::index(shapes.types, id);
         float sum = 0.0f;
         for (int n = 0; n < 9; ++n)
             sum += turn[n];
         turns[k] = sum;
     }
-    const Floats none = 0.0f;
+    const Float8 none = 0.0f;
     const auto is = [&](int one) { return type == one; };
-    const Ints ball = is(SPHERE), pill = is(CAPSULE), tube = is(CYLINDER) | is(CONE), solid = is(ELLIPSOID) | is(BOX);
-    const Floats across = size.x + (pill ? size.y : none);
-    const Floats length = tube | solid ? size.y : none, depth = solid ? size.z : none;
-    s.radius = root(across * across + length * length + depth * depth);
-    const Ints known = magnitude(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z) < FAR_AWAY;
+    const Int8 ball = is(SPHERE), pill = is(CAPSULE), tube = is(CYLINDER) | is(CONE), solid = is(ELLIPSOID) | is(BOX);
+    const Float8 across = size.x + (pill ? size.y : none);
+    const Float8 length = tube | solid ? size.y : none, depth = solid ? size.z : none;
+    s.radius = sqrt(across * across + length * length + depth * depth);
+    const Int8 known = abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z) < MISS;
     s.unknown = ~(known & (ball | pill | tube | solid));
     s.there = (1u << count) - 1;
     return s;
 }
 
-// Those that a region of a view may show, a bit each.
+// Bit mask of the spheres that a region of a view may show.
 template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& camera, const Region& region)
 {
     if constexpr (has_table(LENS))
         return s.there;
-    const Matrix& r = camera.rotation;
-    const Vecs offset = s.at - eight_of(camera.origin);
+    const Mat3& r = camera.rotation;
+    const Vec3x8 offset = s.at - broadcast(camera.origin);
     const auto along = [&](int axis) {
         return r.at[0][axis] * offset.x + r.at[1][axis] * offset.y + r.at[2][axis] * offset.z;
     };
-    const Floats x = along(0), y = along(1), depth = -along(2), one = 1.0f;
-    const Floats radius = s.radius + 1.0e-4f * (s.radius + magnitude(x) + magnitude(y) + magnitude(depth));
-    Ints outside = (depth + radius < camera.near) | (depth - radius > camera.far);
-    const Floats away = LENS == ORTHOGRAPHIC ? one : depth;
-    const auto beyond = [&](Floats at, float edge,
+    const Float8 x = along(0), y = along(1), depth = -along(2), one = 1.0f;
+    const Float8 radius = s.radius + 1.0e-4f * (s.radius + abs(x) + abs(y) + abs(depth));
+    Int8 outside = (depth + radius < camera.near) | (depth - radius > camera.far);
+    const Float8 away = LENS == ORTHOGRAPHIC ? one : depth;
+    const auto beyond = [&](Float8 at, float edge,
                             float sign) {  // the plane through an edge of the region and the camera
-        const float length = LENS == ORTHOGRAPHIC ? 1.0f : root(1.0f + edge * edge);
+        const float length = LENS == ORTHOGRAPHIC ? 1.0f : sqrt(1.0f + edge * edge);
         return sign * (at - edge * away) > length * radius;
     };
     // a pixel more on each side
@@ -67,9 +67,9 @@ template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& c
                              image_x(camera, float(region.left + region.width)) };
     const float ends[2] = { image_y(camera, float(region.top - 1)),
                             image_y(camera, float(region.top + region.height)) };
-    outside |= beyond(x, lower(sides[0], sides[1]), -1.0f) | beyond(x, upper(sides[0], sides[1]), 1.0f)
-        | beyond(y, lower(ends[0], ends[1]), -1.0f) | beyond(y, upper(ends[0], ends[1]), 1.0f);
-    return bits_of(~outside | s.unknown) & s.there;
+    outside |= beyond(x, min(sides[0], sides[1]), -1.0f) | beyond(x, max(sides[0], sides[1]), 1.0f)
+        | beyond(y, min(ends[0], ends[1]), -1.0f) | beyond(y, max(ends[0], ends[1]), 1.0f);
+    return movemask(~outside | s.unknown) & s.there;
 }
 
 }  // namespace warpcam

@@ -1,4 +1,4 @@
-// Which tiles shapes touch, 32 at once, on a CPU.
+// Tests which tiles shapes overlap, 32 shapes at once, on a CPU.
 #pragma once
 #include "camera/shape_record.h"
 
@@ -6,10 +6,10 @@ namespace warpcam {
 
 // The tiles that so many shapes touch, part by part.
 template <int CAPACITY> struct TileParts {
-    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
-    signed char left[ROOM], top[ROOM], right[ROOM], bottom[ROOM];
+    static constexpr int SIZE = (CAPACITY + 31) / 32 * 32;
+    signed char left[SIZE], top[SIZE], right[SIZE], bottom[SIZE];
 
-    void put(int rank, const TileBox& box)
+    void put(int rank, const TileRect& box)
     {
         left[rank] = box.left;
         top[rank] = box.top;
@@ -18,7 +18,7 @@ template <int CAPACITY> struct TileParts {
     }
 };
 
-// Of 32 spans from `first` on, of `count`, those that a number lies in, a bit each.
+// Bit mask of the spans, of 32 from `first` on out of `count`, that contain a number.
 inline unsigned spans_around(const signed char* from, const signed char* to, int first, int count, int number)
 {
     typedef signed char Bytes __attribute__((ext_vector_type(32)));

@@ -1,12 +1,12 @@
-// What the trace can write, and what follows from that.
+// Outputs of the trace, and the choices that follow from them.
 #pragma once
 #include "flow/visibility_history.h"
 
 namespace warpcam {
 
-// What the trace writes. FOURS: the image's width is a multiple of four pixels; TILED: no tile reaches over its edges.
-// IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids too. INSTANCES, SEMANTICS: labels.
-// OPAQUE: transparent shapes are left out.
+// Output flags of the trace. WIDTH_MULTIPLE_OF_4: the image's width is a multiple of four pixels; NO_PARTIAL_TILES: no
+// tile reaches over its edges. IDS: the ids that shapes have in each world; BY_WORLD: bodies have such ids, too.
+// INSTANCES, SEMANTICS: labels. OPAQUE: transparent shapes are left out.
 enum Output {
     DEPTH = 1,
     SHAPE = 2,
@@ -15,15 +15,15 @@ enum Output {
     POINTS = 16,
     BODIES = 32,
     NORMAL = 64,
-    FOURS = 128,
-    TILED = 256,
+    WIDTH_MULTIPLE_OF_4 = 128,
+    NO_PARTIAL_TILES = 256,
     LISTED_AHEAD = 512,  // the stage of views has listed the shapes: traversal/visibility_listed.h
     IDS = 1 << 16,
     BY_WORLD = 1 << 17,
     INSTANCES = 1 << 18,
     SEMANTICS = 1 << 19,
     OPAQUE = 1 << 20,
-    PAINTED = 1 << 21  // with albedo: shading_pass/visibility_albedo.h
+    TRACE_ALBEDO = 1 << 21  // with albedo: shading_pass/visibility_albedo.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
@@ -34,41 +34,42 @@ constexpr int tiles_at_once(int types, int width, int height)
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
-// How many blocks share an image whose shapes have been listed. Of 64x64 pixels: where much is stored a launch ends
-// sooner with short blocks; where little is, they begin too often; where validity is wanted each would look at the
-// whole floor. None has less than a pixel a thread. Of larger ones each has some whole rows of stacks of tiles.
-// visibility.py has the same.
+// Number of blocks that share an image whose shapes have been listed. For 64x64 pixels: a launch that stores much ends
+// sooner with short blocks; one that stores little starts them too often; for validity each block would test the whole
+// plane. No block has less than a pixel a thread. Blocks of larger images have whole rows of stacks of tiles.
+// visibility.py has the same rule.
 constexpr int parts_of(int outputs, int width, int height)
 {
     constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
     const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
     const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
-    const int most = lower_int(width * height / THREADS, height / TILE_HEIGHT),
+    const int most = min(width * height / THREADS, height / TILE_HEIGHT),
               rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;
     return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
 }
 
-// Where normals or albedo are written, hits name the slot of their shape's record instead of the shape: see gather().
-constexpr bool names_slots(int outputs) { return outputs & (NORMAL | PAINTED); }
+// True if hits name the slot of their shape's record instead of the shape, for normals and albedo: see
+// build_shape_list().
+constexpr bool names_slots(int outputs) { return outputs & (NORMAL | TRACE_ALBEDO); }
 
-// Whether a block looks at a floor as a whole to tell what of it was seen.
+// True if a block tests a plane as a whole against the previous image.
 constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
 {
-    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | TILED | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
+    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | NO_PARTIAL_TILES | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
     const bool parts =
         width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
     return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
-        && lens == PINHOLE && shapes <= LANES;
+        && lens == PINHOLE && shapes <= WARP_SIZE;
 }
 
-// Where flow has what was seen, if it is wanted.
+// Selects the history of flow, if flow is wanted.
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED, bool WANTED = (OUTPUTS & FLOWS) != 0>
 struct Places {
     static constexpr bool WHOLE = (OUTPUTS & FLOW_WHOLE) != 0, NEAR = (OUTPUTS & FLOW_NEAR) != 0;
-    using type = FlowPlaces<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
+    using type = VisibilityHistory<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 template <bool WHOLE_> struct NoPlaces {
     static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;

@@ -1,4 +1,4 @@
-// Where a block draws: one region of one view, and what the trace writes there.
+// Target of a block: one region of one view, and the outputs of the trace there.
 #pragma once
 #include "traversal/normal_cache.h"
 #include "flow/optical_flow.h"
@@ -13,9 +13,9 @@ namespace warpcam {
 
 // Pixel (i, j) is column i and row j of the image.
 template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_>
-struct Canvas {
-    static constexpr int CAPACITY = List::ROOM;
-    static constexpr int TALL = TALL_;  // tiles at once
+struct TraceTarget {
+    static constexpr int CAPACITY = List::SIZE;
+    static constexpr int TILES_PER_WARP = TALL_;  // tiles at once
 
     const Target& target;
     const Shapes& shapes;
@@ -24,38 +24,39 @@ struct Canvas {
     Region region;
     int world;
     Places_& places;
-    using Facings_ = ShapeFacings<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
+    using Facings_ = NormalCache<((OUTPUTS & NORMAL) && THREADS > 1 ? CAPACITY : 0)>;
     Facings_& facings;
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
     int part = 0, parts = 1;      // of the region, and which of them is drawn
-    static constexpr bool LINED = THREADS > 1 && TALL > 1 && LENS == PINHOLE;
-    static constexpr int THREES = OUTPUTS & FOURS ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
-    static constexpr bool TILES_INSIDE = (OUTPUTS & TILED) != 0;
+    static constexpr bool LINED = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE;
+    static constexpr int VECTOR_OUTPUTS = OUTPUTS & WIDTH_MULTIPLE_OF_4 ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
+    static constexpr bool TILES_INSIDE = (OUTPUTS & NO_PARTIAL_TILES) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
     static constexpr bool STORES_MUCH = OUTPUTS
-        & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | PAINTED);
+        & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | TRACE_ALBEDO);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
-        && CAPACITY <= LANES && !(TYPES >> MESH & 1);
+        && CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1);
 
-    // Of tiles that show nothing but an endless floor it is known what they write: see traversal/infinite_plane.h.
-    static constexpr bool BARE_FLOORS = THREADS > 1 && TALL > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1)
-                                        && (OUTPUTS & TILED) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
+    // True if tiles that show nothing but an infinite plane are written without a trace: see
+    // traversal/infinite_plane.h.
+    static constexpr bool BARE_FLOORS = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1)
+                                        && (OUTPUTS & NO_PARTIAL_TILES) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
     // Whole rows of two stacks of such tiles beside each other are written where listed shapes are few, but for these.
-    static constexpr bool PUTS_ROWS = BARE_FLOORS && TALL == 2 && (OUTPUTS & LISTED_AHEAD) && CAPACITY <= LANES
-        && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | PAINTED));
-    static constexpr int WIDE = PUTS_ROWS ? 2 : 1;  // stacks
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TILES_PER_WARP == 2 && (OUTPUTS & LISTED_AHEAD) && CAPACITY <= WARP_SIZE
+        && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | TRACE_ALBEDO));
+    static constexpr int TILE_COLUMNS_PER_WARP = PUTS_ROWS ? 2 : 1;  // stacks
 
-    WARPCAM_FN bool inside(int i, int j) const
+    WARPCAM_DEVICE bool inside(int i, int j) const
     {
-        return (OUTPUTS & TILED) || (i < target.width && j < target.height);
+        return (OUTPUTS & NO_PARTIAL_TILES) || (i < target.width && j < target.height);
     }
 
     // The number of a pixel, of all worlds': that of the k-th tile below pixel (i, j). In images of known size these
     // are at known distances from one address.
-    WARPCAM_FN auto at(int i, int j, int k = 0) const
+    WARPCAM_DEVICE auto at(int i, int j, int k = 0) const
     {
         if constexpr (WHOLE)
             return size_t((unsigned(world) * region.height + j) * region.width + i)
@@ -64,15 +65,15 @@ struct Canvas {
             return (unsigned(world) * target.height + (j + k * TILE_HEIGHT)) * target.width + i;
     }
 
-    WARPCAM_FN ViewRay<LENS> ray(int i, int j) const
+    WARPCAM_DEVICE CameraRay<LENS> ray(int i, int j) const
     {
         if constexpr (LINED)
             return { columns[i - region.left], rows[j - region.top] };
         return view_ray<LENS>(camera, i, j);
     }
 
-    // What the block's last threads do while its first ones list shapes.
-    WARPCAM_FN void begin(int thread) const
+    // Starts loads by the block's last threads while its first ones list shapes.
+    WARPCAM_DEVICE void begin(int thread) const
     {
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
             compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
@@ -82,7 +83,7 @@ struct Canvas {
 
     // For a thread for each row of the region, and part, which has fetched what was seen there if that is near: what of
     // the floor was.
-    WARPCAM_FN void find_floor(int row) const
+    WARPCAM_DEVICE void find_floor(int row) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
@@ -97,12 +98,12 @@ struct Canvas {
     }
 
     // For a warp, which has composed the motions if a stage has not: how the floor has moved.
-    WARPCAM_FN void follow_floor(const Camera& seen_by) const
+    WARPCAM_DEVICE void follow_floor(const Camera& seen_by) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const int shape = floor_of(shapes, target.trail.columns);
-            if (threadIdx.x % LANES != 0)
+            if (threadIdx.x % WARP_SIZE != 0)
                 return;
             if constexpr ((OUTPUTS & LISTED_AHEAD) != 0)  // those that the block copies are not there yet
                 find_slopes(places, Places_::composed(target.trail, world, shape), shapes, seen_by, world, shape);
@@ -113,18 +114,18 @@ struct Canvas {
     }
 
     // For a warp or the block, when it has met after all of this: where what is seen of the floor now was seen.
-    template <int TEAM> WARPCAM_FN void look_at_floor(int thread) const
+    template <int WARP_OR_ONE> WARPCAM_DEVICE void look_at_floor(int thread) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
-            find_seen_floor<TEAM>(places, region, target.width, target.height, thread);
-            team_barrier<TEAM>();
+            find_seen_floor<WARP_OR_ONE>(places, region, target.width, target.height, thread);
+            team_barrier<WARP_OR_ONE>();
         }
 #endif
     }
 
     // Notes what pixels take of their shapes alone, once these are listed; for so many threads.
-    WARPCAM_FN void face(int thread, int threads) const
+    WARPCAM_DEVICE void face(int thread, int threads) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr ((OUTPUTS & NORMAL) != 0) {
@@ -140,7 +141,7 @@ struct Canvas {
     }
 
     // Notes the endless floor: see there.
-    WARPCAM_FN void note(List& listed, int slot, int rank) const
+    WARPCAM_DEVICE void note(List& listed, int slot, int rank) const
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (BARE_FLOORS)
@@ -148,15 +149,15 @@ struct Canvas {
 #endif
     }
 
-    // What was on its way is there, once the threads of the block have met.
-    WARPCAM_FN void ready() const
+    // Completes the loads, once the threads of the block have met.
+    WARPCAM_DEVICE void ready() const
     {
         if (OUTPUTS & FLOW_NEAR)
             await_rows();
     }
 
-    // What a ray has met before a pass: nothing that is new. No ray outside of the image meets anything.
-    WARPCAM_FN Hit start(int i, int j, bool first_pass) const
+    // Initial hit of a ray before a pass: the previous pass's, or none. Rays outside the image hit nothing.
+    WARPCAM_DEVICE Hit start(int i, int j, bool first_pass) const
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
@@ -166,21 +167,21 @@ struct Canvas {
             if (is_blind(ray(i, j)))
                 hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
-            hit.depth = just_beyond(target.depth.data[at(i, j)]);
+            hit.depth = next_float(target.depth.data[at(i, j)]);
         return hit;
     }
 
     // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
-    template <int WHAT> WARPCAM_FN void put(int i, int j, const Hit& hit, int k = 0) const
+    template <int WHAT> WARPCAM_DEVICE void put(int i, int j, const Hit& hit, int k = 0) const
     {
         put_named<WHAT>(i, j, hit, shape_of(hit), k);
     }
 
-    // The same, of a shape whose id is known.
-    template <int WHAT> WARPCAM_FN void put_named(int i, int j, const Hit& hit, int shape, int k) const
+    // Writes the outputs of a hit on a shape whose id is known.
+    template <int WHAT> WARPCAM_DEVICE void put_named(int i, int j, const Hit& hit, int shape, int k) const
     {
         const auto pixel = at(i, j, k);
-        const ViewRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
+        const CameraRay<LENS> seen = ray(i, j + k * TILE_HEIGHT);
         if (WHAT & DEPTH)
             target.depth.data[pixel] = depth_of(hit);
         if (WHAT & SHAPE)
@@ -207,18 +208,18 @@ struct Canvas {
     }
 
     // Writes what a pass has found.
-    WARPCAM_FN void put_new(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
+    WARPCAM_DEVICE void write_hit(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
     {
         if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
             put<OUTPUTS>(i, j, hit, k);
     }
 
-    WARPCAM_FN float depth_of(const Hit& hit) const
+    WARPCAM_DEVICE float depth_of(const Hit& hit) const
     {
         return hit.shape < 0 ? (has_table(LENS) ? infinity() : camera.miss) : hit.depth;
     }
 
-    WARPCAM_FN int shape_of(const Hit& hit) const
+    WARPCAM_DEVICE int shape_of(const Hit& hit) const
     {
         if constexpr (!names_slots(OUTPUTS))
             return hit.shape;
@@ -232,32 +233,32 @@ struct Canvas {
 #endif
     }
 
-    WARPCAM_FN Vec normal_of(const Hit& hit, const ViewRay<LENS>& seen) const
+    WARPCAM_DEVICE Vec3 normal_of(const Hit& hit, const CameraRay<LENS>& seen) const
     {
 #if defined(__CUDA_ARCH__)
         constexpr int BENDING = TYPES & ~(1 << PLANE);
-        const Row row = facings.rows[hit.shape + 1];
-        if (row.x != BENT)
-            return to_vec(row);
+        const Float3Int row = facings.rows[hit.shape + 1];
+        if (row.x != NORMAL_VARIES)
+            return as_vec3(row);
 #else
         constexpr int BENDING = TYPES;
         if (hit.shape < 0)
             return { 0.0f, 0.0f, 0.0f };
 #endif
-        return turned(camera.rotation, normalized(gradient<BENDING>(list.records[hit.shape], seen, hit.depth)));
+        return transform(camera.rotation, normalized(gradient<BENDING>(list.records[hit.shape], seen, hit.depth)));
     }
 
 #if defined(__CUDA_ARCH__)
     // Writes all tiles of a warp that begin with pixel (i, j), if they show only floor that was seen; else false.
-    WARPCAM_FN bool put_floor(int i, int j, const Hit (&hit)[TALL], int lane) const
+    WARPCAM_DEVICE bool write_seen_plane(int i, int j, const Hit (&hit)[TILES_PER_WARP], int lane) const
     {
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
             const auto& trail = target.trail;
             const unsigned here = FlowFloor::part_of(i, j);
             const int seen = *const_cast<const volatile int*>(floor.seen + here), shape = seen & FlowFloor::NONE;
-            if (!__all_sync(ALL, hit[0].shape == shape && hit[1].shape == shape)) {
-                if (!__all_sync(ALL, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
+            if (!__all_sync(FULL_WARP, hit[0].shape == shape && hit[1].shape == shape)) {
+                if (!__all_sync(FULL_WARP, hit[0].shape == floor.shape && hit[1].shape == floor.shape) && lane == 0)
                     floor.region_parts[here] = 0;
                 return false;
             }
@@ -275,14 +276,14 @@ struct Canvas {
             constexpr bool TOGETHER = (OUTPUTS & FLOW) && (OUTPUTS & LISTED_AHEAD);  // else more is spilled
             if constexpr (TOGETHER)
                 put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
-            for (int k = 0; k < TALL; ++k) {
+            for (int k = 0; k < TILES_PER_WARP; ++k) {
                 put<OUTPUTS & ~(TOGETHER ? FLOWS : FLOW_VALID)>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
                     const auto rows = places.of_shape(shape);
-                    const float depth = then<LENS>(rows.at(2), column, row, hit[k].depth), rate = reciprocal(depth);
-                    const Beside across(then<LENS>(rows.at(0), column, row, hit[k].depth), rate);
-                    const Beside along(then<LENS>(rows.at(1), column, row, hit[k].depth), rate);
+                    const float depth = project_previous<LENS>(rows.at(2), column, row, hit[k].depth), rate = rcp(depth);
+                    const Beside across(project_previous<LENS>(rows.at(0), column, row, hit[k].depth), rate);
+                    const Beside along(project_previous<LENS>(rows.at(1), column, row, hit[k].depth), rate);
                     const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
                     trail.flow_valid.data[at(i, j, k)] =
                         static_cast<unsigned char>(settled((depth >= rows.at(3).z) & inside));
@@ -294,13 +295,13 @@ struct Canvas {
     }
 
     // Writes the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
-    // 3 * LANES numbers of each tile where there are THREES.
+    // 3 * WARP_SIZE numbers of each tile where there are VECTOR_OUTPUTS.
     template <class Ray_>
-    WARPCAM_FN void put_tiles(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], bool first_pass,
+    WARPCAM_DEVICE void put_tiles(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP], bool first_pass,
                               float* row_of_lanes) const
     {
         bool whole = false;
-        if constexpr (THREES != 0)
+        if constexpr (VECTOR_OUTPUTS != 0)
             if (first_pass) {
                 whole = true;
                 put_whole(i, j, rays, hits, row_of_lanes);
@@ -308,28 +309,28 @@ struct Canvas {
         if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
             const auto slots = places.slots_of(hits);
             if (!whole)
-                for (int k = 0; k < TALL; ++k)
+                for (int k = 0; k < TILES_PER_WARP; ++k)
                     put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
             places.paint(*this, i, j, rays, hits, slots);
         } else if (!whole) {
-            for (int k = 0; k < TALL; ++k)
-                put_new(i, j, hits[k], first_pass, k);
+            for (int k = 0; k < TILES_PER_WARP; ++k)
+                write_hit(i, j, hits[k], first_pass, k);
         }
     }
 
-    template <class Ray_> WARPCAM_FN void put_whole(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL],
+    template <class Ray_> WARPCAM_DEVICE void put_whole(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
                                                     float* row_of_lanes) const
     {
-        Vec values[TALL];
-        if constexpr ((THREES & NORMAL) != 0)
-            for (int k = 0; k < TALL; ++k)
+        Vec3 values[TILES_PER_WARP];
+        if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0)
+            for (int k = 0; k < TILES_PER_WARP; ++k)
                 values[k] = normal_of(hits[k], rays[k]);
-        for (int k = 0; k < TALL; ++k)
+        for (int k = 0; k < TILES_PER_WARP; ++k)
             if (inside(i, j + k * TILE_HEIGHT))
-                put<OUTPUTS & ~THREES>(i, j, hits[k], k);
-        if constexpr ((THREES & NORMAL) != 0)
+                put<OUTPUTS & ~VECTOR_OUTPUTS>(i, j, hits[k], k);
+        if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0)
             store_threes(*this, target.normals.data, i, j, values, row_of_lanes);
-        if constexpr ((THREES & POINTS) != 0) {
+        if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
             find_points<true>(camera, rays, hits, values);
             store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
@@ -337,27 +338,27 @@ struct Canvas {
 
     // Writes so many stacks beside each other, whose first pixel is given, if they surely show the endless floor, which
     // is all that touches them; else false. A lane has two pixels beside each other in each of two rows.
-    WARPCAM_FN bool put_rows(int left, int top, int lane) const
+    WARPCAM_DEVICE bool write_plane_rows(int left, int top, int lane) const
     {
-        constexpr int LANES_A_ROW = WIDE * TILE_WIDTH / 2;
-        static_assert(LANES / LANES_A_ROW == TILE_HEIGHT);
+        constexpr int LANES_A_ROW = TILE_COLUMNS_PER_WARP * TILE_WIDTH / 2;
+        static_assert(WARP_SIZE / LANES_A_ROW == TILE_HEIGHT);
         const int i = left + 2 * int(unsigned(lane) % LANES_A_ROW), j = top + int(unsigned(lane) / LANES_A_ROW);
         const float2 x = *reinterpret_cast<const float2*>(columns + i);
-        ViewRay<PINHOLE> rays[2 * WIDE];
-        Hit hits[2 * WIDE];
-        for (int k = 0; k < WIDE; ++k) {
+        CameraRay<PINHOLE> rays[2 * TILE_COLUMNS_PER_WARP];
+        Hit hits[2 * TILE_COLUMNS_PER_WARP];
+        for (int k = 0; k < TILE_COLUMNS_PER_WARP; ++k) {
             rays[2 * k] = { x.x, rows[j + k * TILE_HEIGHT] };
             rays[2 * k + 1] = { x.y, rays[2 * k].y };
         }
-        if (!list.floor.meet(rays, hits))
+        if (!list.floor.test(rays, hits))
             return false;
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
         const auto put_same = [&](auto* image, int number) {
-            for (int k = 0; k < WIDE; ++k)
+            for (int k = 0; k < TILE_COLUMNS_PER_WARP; ++k)
                 put_two(image + at(i, j, k), number, number);
         };
-        for (int k = 0; k < WIDE; ++k) {
+        for (int k = 0; k < TILE_COLUMNS_PER_WARP; ++k) {
             const Hit a { hits[2 * k].depth, shape, -1 }, b { hits[2 * k + 1].depth, shape, -1 };
             if (OUTPUTS & DEPTH)
                 put_two(target.depth.data + at(i, j, k), a.depth, b.depth);
@@ -376,20 +377,20 @@ struct Canvas {
         return true;
     }
 
-    // As put_tiles(), where all hits are on the endless floor.
+    // Writes tiles, as put_tiles() does, whose hits are all on the infinite plane.
     template <class Ray_>
-    WARPCAM_FN void put_bare(int i, int j, const Ray_ (&rays)[TALL], const Hit (&hits)[TALL], float* row_of_lanes) const
+    WARPCAM_DEVICE void write_plane_tile(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP], float* row_of_lanes) const
     {
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);
-        for (int k = 0; k < TALL; ++k)
-            put_named<OUTPUTS & ~THREES>(i, j, { hits[k].depth, shape, -1 }, shape, k);
-        if constexpr ((THREES & NORMAL) != 0) {
-            const Row piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
+        for (int k = 0; k < TILES_PER_WARP; ++k)
+            put_named<OUTPUTS & ~VECTOR_OUTPUTS>(i, j, { hits[k].depth, shape, -1 }, shape, k);
+        if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0) {
+            const Float3Int piece = facings.endless[threadIdx.x % TILE_WIDTH % 3];
             store_pieces(*this, target.normals.data, i, j, [&](int) { return piece; });
         }
-        if constexpr ((THREES & POINTS) != 0) {
-            Vec values[TALL];
+        if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
+            Vec3 values[TILES_PER_WARP];
             find_points<false>(camera, rays, hits, values);
             store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }

@@ -9,7 +9,7 @@ namespace warpcam {
 template <class Canvas_, class Near>
 inline void start_tile(const Canvas_& canvas, int left, int top, bool first_pass, Near& near, Rays& rays)
 {
-    for (int lane = 0; lane < LANES; ++lane) {
+    for (int lane = 0; lane < WARP_SIZE; ++lane) {
         const int i = left + lane % TILE_WIDTH, j = top + lane / TILE_WIDTH;
         const auto ray = canvas.ray(i, j);
         near.set(lane, ray);
@@ -26,14 +26,14 @@ inline void start_tile(const Canvas_& canvas, int left, int top, bool first_pass
 template <class Canvas_>
 inline void put_tile(const Canvas_& canvas, int left, int top, bool first_pass, const Rays& rays)
 {
-    for (int lane = 0; lane < LANES; ++lane)
-        canvas.put_new(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
+    for (int lane = 0; lane < WARP_SIZE; ++lane)
+        canvas.write_hit(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
                        { rays.depth[lane], rays.shape[lane], rays.face[lane] }, first_pass);
 }
 
 // True if all of the tile was made ready, false if it is to be done ray by ray.
-template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
-inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline bool start_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas, int left,
                         int top, Rays& rays)
 {
     if (has_table(LENS) || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
@@ -51,51 +51,51 @@ inline bool start_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, S
 }
 
 // Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
-template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
-inline void put_whole(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline void put_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas, int left,
                       int top, const Rays& rays)
 {
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
     constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS;
     const float miss = has_table(LENS) ? infinity() : canvas.camera.miss;
-    static_assert(TILE_WIDTH == PACKET);
+    static_assert(TILE_WIDTH == SIMD_WIDTH);
     for (int row = 0; row < TILE_HEIGHT; ++row) {
         const int lane = row * TILE_WIDTH;
         const unsigned first = canvas.at(left, top + row);
-        const Ints shape = load_eight(rays.shape + lane);
-        Floats depth;
+        const Int8 shape = load8(rays.shape + lane);
+        Float8 depth;
         __builtin_memcpy(&depth, rays.depth + lane, sizeof depth);
-        depth = shape < 0 ? (Floats)miss : depth;
+        depth = shape < 0 ? (Float8)miss : depth;
         if constexpr ((OUTPUTS & DEPTH) != 0)
             __builtin_memcpy(canvas.target.depth.data + first, &depth, sizeof depth);
         if constexpr ((OUTPUTS & IN_ROWS & SHAPE) != 0)
-            store_eight(canvas.target.shape.data + first, shape);
+            store8(canvas.target.shape.data + first, shape);
         if constexpr ((OUTPUTS & FACE) != 0)
-            store_eight(canvas.target.face.data + first, load_eight(rays.face + lane));
+            store8(canvas.target.face.data + first, load8(rays.face + lane));
     }
     if constexpr ((OUTPUTS & PIXELWISE & ~IN_ROWS) != 0)
-        for (int lane = 0; lane < LANES; ++lane)
+        for (int lane = 0; lane < WARP_SIZE; ++lane)
             canvas.template put<OUTPUTS & ~IN_ROWS>(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
                                                     { rays.depth[lane], rays.shape[lane], rays.face[lane] });
 }
 
-template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_, class Near>
-inline void start_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_, class Near>
+inline void start_tile(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas, int left,
                        int top, bool first_pass, Near& near, Rays& rays)
 {
     if (!first_pass || !start_whole(canvas, left, top, rays))
-        start_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>, Near>(canvas, left, top,
+        start_tile<TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>, Near>(canvas, left, top,
                                                                                             first_pass, near, rays);
 }
 
-template <int TYPES, int LENS, int OUTPUTS, class List, int TALL, class Target, class Shapes, class Places_>
-inline void put_tile(const Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>& canvas, int left, int top,
+template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline void put_tile(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas, int left, int top,
                      bool first_pass, const Rays& rays)
 {
     if (first_pass && canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
         put_whole(canvas, left, top, rays);
     else
-        put_tile<Canvas<TYPES, LENS, OUTPUTS, List, TALL, Target, Shapes, Places_>>(canvas, left, top, first_pass,
+        put_tile<TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>>(canvas, left, top, first_pass,
                                                                                     rays);
 }
 

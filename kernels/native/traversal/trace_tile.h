@@ -15,12 +15,12 @@ namespace warpcam {
 
 constexpr int analytic_types(int types)
 {
-    return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << SCALED | 1 << TWO_SIDED | 1 << MASKED
-                    | 1 << SHADING_BACKS | 1 << MOVING | 1 << GLASS | 1 << FROM_ABOVE | 1 << BARE | 1 << MIDDLE_FIRST
-                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << SHEER | 1 << LIT_NORMALS | 1 << COINCIDENT);
+    return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << PER_SHAPE_SCALE | 1 << TWO_SIDED | 1 << ALPHA_TESTED
+                    | 1 << SHADING_BACKS | 1 << DEFORMING_MESHES | 1 << TRANSPARENT_CASTERS | 1 << TEXTURE_FROM_ABOVE | 1 << TEXTURELESS_SHAPES | 1 << MIDDLE_FIRST
+                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << TEXTURE_ALPHA | 1 << LIT_NORMALS | 1 << COINCIDENT);
 }
 
-// What tells slots or ranks apart: of more than 256 or not.
+// Integer type of slots and ranks: a byte for up to 256.
 template <bool MANY> struct SlotOf {
     using Type = unsigned char;
 };
@@ -28,17 +28,17 @@ template <> struct SlotOf<true> {
     using Type = unsigned short;
 };
 
-// What a region's rays are tested against. Ranks run from near to far.
+// Shapes that a region's rays are tested against. Ranks run from near to far.
 template <int CAPACITY> struct ShapeList {
-    static constexpr int ROOM = CAPACITY;
+    static constexpr int SIZE = CAPACITY;
     using Slot = typename SlotOf<(CAPACITY > 256)>::Type;
 
-    Record records[CAPACITY];
+    ShapeRecord records[CAPACITY];
     int nearest[CAPACITY];          // by slot; the bits of a depth, which are in order
     int ids[CAPACITY];              // by slot
-    TileBox touched[CAPACITY];      // by slot
+    TileRect touched[CAPACITY];      // by slot
 #if defined(__CUDA_ARCH__)
-    TileSpans tiles[(CAPACITY + LANES - 1) / LANES * LANES];  // the same by rank, then none to a multiple of LANES
+    PackedTileRect tiles[(CAPACITY + WARP_SIZE - 1) / WARP_SIZE * WARP_SIZE];  // the same by rank, then none to a multiple of WARP_SIZE
 #else
     TileParts<CAPACITY> tiles;      // the same by rank
 #endif
@@ -47,17 +47,17 @@ template <int CAPACITY> struct ShapeList {
     int next_tile;
     int broken;
 #if defined(__CUDA_ARCH__)
-    EndlessFloor floor;
+    InfinitePlane floor;
 #endif
 
-    WARPCAM_FN const Record& at_rank(int rank) const { return records[order[rank]]; }
+    WARPCAM_DEVICE const ShapeRecord& at_rank(int rank) const { return records[order[rank]]; }
 };
 
 #if !defined(__CUDA_ARCH__)
 
 constexpr int MANY_TO_SORT = 96;  // shapes; of fewer each is sooner compared with each
 
-// As sort_by_depth(), by digits.
+// Sorts by depth, as sort_by_depth() does, by radix.
 template <int CAPACITY, class Note> inline void sort_many(ShapeList<CAPACITY>& list, const Note& note)
 {
     using Slot = typename ShapeList<CAPACITY>::Slot;
@@ -94,7 +94,7 @@ template <int CAPACITY, class Note> inline void sort_many(ShapeList<CAPACITY>& l
 // Gives each slot its rank, which note(slot, rank) is told. The order does not depend on who came first; of shapes at
 // one place the later is seen, as where shapes are drawn one over the other.
 template <int CAPACITY, class Note>
-WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note& note)
+WARPCAM_DEVICE void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note& note)
 {
 #if !defined(__CUDA_ARCH__)
     if (list.count > MANY_TO_SORT)
@@ -114,19 +114,19 @@ WARPCAM_FN void sort_by_depth(ShapeList<CAPACITY>& list, int thread, const Note&
         list.order[rank] = static_cast<typename ShapeList<CAPACITY>::Slot>(i);
         note(i, int(rank));
 #if defined(__CUDA_ARCH__)
-        list.tiles[rank] = { TileSpans::of(list.touched[i]) };
+        list.tiles[rank] = { PackedTileRect::of(list.touched[i]) };
 #else
         list.tiles.put(rank, list.touched[i]);
 #endif
     }
 #if defined(__CUDA_ARCH__)
-    const int room = list.count == 0 ? LANES : (list.count + LANES - 1) / LANES * LANES;
+    const int room = list.count == 0 ? WARP_SIZE : (list.count + WARP_SIZE - 1) / WARP_SIZE * WARP_SIZE;
     for (int rank = list.count + thread; rank < room; rank += THREADS)
-        list.tiles[rank] = { TileSpans::NONE };
+        list.tiles[rank] = { PackedTileRect::NONE };
 #endif
 }
 
-WARPCAM_FN bool touches(const TileBox& box, int column, int row)
+WARPCAM_DEVICE bool touches(const TileRect& box, int column, int row)
 {
     return (column >= box.left) & (column <= box.right) & (row >= box.top) & (row <= box.bottom);
 }
@@ -135,7 +135,7 @@ WARPCAM_FN bool touches(const TileBox& box, int column, int row)
 #if defined(__CUDA_ARCH__)
 
 // Takes the next number. For one lane: the compiler would gather the numbers of many.
-WARPCAM_FN int draw_next(int& counter)
+WARPCAM_DEVICE int draw_next(int& counter)
 {
     int number;
     asm volatile("atom.shared.inc.u32 %0, [%1], 0x7fffffff;"
@@ -145,37 +145,37 @@ WARPCAM_FN int draw_next(int& counter)
     return number;
 }
 
-// Does the ray meet the mesh's box before `depth`?
+// True if the ray intersects the mesh's box before `depth`.
 template <class Meshes>
-WARPCAM_FN bool meets_mesh(const Meshes& meshes, const Record& record, const Ray& ray, float near, float depth)
+WARPCAM_DEVICE bool meets_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, float near, float depth)
 {
     const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
     const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
     const float x0 = lo[0] * s.scale.x + s.down.x, x1 = hi[0] * s.scale.x + s.up.x;
     const float y0 = lo[1] * s.scale.y + s.down.y, y1 = hi[1] * s.scale.y + s.up.y;
     const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
-    const float enter = upper(upper(lower(x0, x1), lower(y0, y1)), upper(lower(z0, z1), near));
-    return enter <= lower(lower(upper(x0, x1), upper(y0, y1)), lower(upper(z0, z1), depth));
+    const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near));
+    return enter <= min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), depth));
 }
 
-template <int LENS> WARPCAM_FN TileRays rays_of_tile(const ViewRay<LENS>& ray)
+template <int LENS> WARPCAM_DEVICE TileRays rays_of_tile(const CameraRay<LENS>& ray)
 {
-    return { __shfl_sync(ALL, ray.x, 0), __shfl_sync(ALL, ray.x, LANES - 1), __shfl_sync(ALL, ray.y, LANES - 1),
-             __shfl_sync(ALL, ray.y, 0) };
+    return { __shfl_sync(FULL_WARP, ray.x, 0), __shfl_sync(FULL_WARP, ray.x, WARP_SIZE - 1), __shfl_sync(FULL_WARP, ray.y, WARP_SIZE - 1),
+             __shfl_sync(FULL_WARP, ray.y, 0) };
 }
 
-// Which of 32 meshes, `mask` by bit, does the lane's ray meet before `depth`? `slots` leads from a bit to a record;
-// nearest first. The whole warp comes here together.
+// Bit mask of the meshes, of 32 in `mask`, whose boxes the lane's ray intersects before `depth`. `slots` leads from a
+// bit to a record; nearest first. The whole warp calls it together.
 template <int LENS, class Meshes>
-WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsigned char* slots,
-                                const ViewRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+WARPCAM_DEVICE unsigned find_meshes(unsigned mask, const ShapeRecord* records, const unsigned char* slots,
+                                const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     unsigned met = 0;
     for (; mask; mask &= mask - 1) {
-        const int bit = lowest_bit(mask);
-        const Record& record = records[slots[bit]];
+        const int bit = ctz(mask);
+        const ShapeRecord& record = records[slots[bit]];
         const bool before = as_float(record.size.w) < depth;
-        if (!__any_sync(ALL, before))
+        if (!__any_sync(FULL_WARP, before))
             break;
         if (before && meets_mesh(meshes, record, ray.local(record), near, depth))
             met |= 1u << bit;
@@ -183,57 +183,57 @@ WARPCAM_FN unsigned find_meshes(unsigned mask, const Record* records, const unsi
     return met;
 }
 
-// Which of LANES ranks from `begin` on touch a tile, but meshes; a bit each. By a whole warp.
-template <int TYPES, class List> WARPCAM_FN unsigned touching(const List& list, int begin, unsigned steps)
+// Bit mask of the ranks, of WARP_SIZE from `begin` on, that overlap a tile, without meshes. By a whole warp.
+template <int TYPES, class List> WARPCAM_DEVICE unsigned touching(const List& list, int begin, unsigned steps)
 {
-    const int rank = begin + threadIdx.x % LANES;
-    return __ballot_sync(ALL, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
+    const int rank = begin + threadIdx.x % WARP_SIZE;
+    return __ballot_sync(FULL_WARP, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
 }
 
-// Does one of the ranks beyond the first LANES touch a tile?
-template <int TYPES, class List> WARPCAM_FN bool touching_more(const List& list, unsigned steps)
+// True if a rank beyond the first WARP_SIZE overlaps a tile.
+template <int TYPES, class List> WARPCAM_DEVICE bool touching_more(const List& list, unsigned steps)
 {
-    for (int begin = LANES; List::ROOM > LANES && begin < list.count; begin += LANES)
+    for (int begin = WARP_SIZE; List::SIZE > WARP_SIZE && begin < list.count; begin += WARP_SIZE)
         if (touching<TYPES>(list, begin, steps))
             return true;
     return false;
 }
 
-// The nearest of all shapes but meshes, of TALL tiles one below the other; of each a lane has a ray. `mask`:
+// The nearest of all shapes but meshes, of TILES_PER_WARP tiles one below the other; of each a lane has a ray. `mask`:
 // touching().
-template <int TYPES, int TALL, class Ray_, class List, class HeightFields>
-WARPCAM_FN void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TALL],
-                            float near, const HeightFields& fields, Hit (&hits)[TALL])
+template <int TYPES, int TILES_PER_WARP, class Ray_, class List, class HeightFields>
+WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TILES_PER_WARP],
+                            float near, const HeightFields& fields, Hit (&hits)[TILES_PER_WARP])
 {
     int begin = 0;
     while (true) {
         for (; mask; mask &= mask - 1) {
-            const Record& record = list.at_rank(begin + lowest_bit(mask));
+            const ShapeRecord& record = list.at_rank(begin + ctz(mask));
             float farthest = hits[0].depth;
-            for (int k = 1; k < TALL; ++k)
-                farthest = upper(farthest, hits[k].depth);
-            if (!__any_sync(ALL, as_float(record.size.w) < farthest))
+            for (int k = 1; k < TILES_PER_WARP; ++k)
+                farthest = max(farthest, hits[k].depth);
+            if (!__any_sync(FULL_WARP, as_float(record.size.w) < farthest))
                 return;  // every lane has hits nearer than all that follows
             if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-                for (int k = 0; k < TALL; ++k)
+                for (int k = 0; k < TILES_PER_WARP; ++k)
                     walk_height_field(fields, record, rays[k], near_of(rays[k], near), hits[k]);
                 __syncwarp();
             } else {
-                Ray local[TALL];
-                for (int k = 0; k < TALL; ++k)
+                Ray local[TILES_PER_WARP];
+                for (int k = 0; k < TILES_PER_WARP; ++k)
                     local[k] = rays[k].local(record);
-                float t[TALL];
-                enter_each<analytic_types(TYPES), TALL, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
+                float t[TILES_PER_WARP];
+                intersect_known<analytic_types(TYPES), TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
                     record, local, t);
-                for (int k = 0; k < TALL; ++k)
+                for (int k = 0; k < TILES_PER_WARP; ++k)
                     if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
                         hits[k].depth = t[k];
                         hits[k].shape = record.axis_y.w;
                     }
             }
         }
-        begin += LANES;
-        if (List::ROOM <= LANES || begin >= list.count)
+        begin += WARP_SIZE;
+        if (List::SIZE <= WARP_SIZE || begin >= list.count)
             return;
         mask = touching<TYPES>(list, begin, steps);
     }
@@ -242,8 +242,8 @@ WARPCAM_FN void trace_tiles(const List& list, unsigned steps, unsigned mask, con
 #else
 
 struct Rays {
-    float x[LANES], y[LANES], depth[LANES];
-    int shape[LANES], face[LANES];
+    float x[WARP_SIZE], y[WARP_SIZE], depth[WARP_SIZE];
+    int shape[WARP_SIZE], face[WARP_SIZE];
 };
 
 // From where on the rays see: all alike, or each its own.
@@ -254,7 +254,7 @@ template <class Ray_> struct NearOf {
     float at(int) const { return all; }
 };
 template <int LENS> struct NearOf<ClippedRay<LENS>> {
-    float all, own[LANES];
+    float all, own[WARP_SIZE];
 
     void set(int lane, const ClippedRay<LENS>& ray) { own[lane] = ray.near; }
     float at(int lane) const { return own[lane]; }
@@ -265,16 +265,16 @@ template <int LENS> struct NearOf<ClippedRay<LENS>> {
 inline float farthest_of(const Rays& rays)
 {
     int bits = as_int(rays.depth[0]);
-    for (int lane = 1; lane < LANES; ++lane)
+    for (int lane = 1; lane < WARP_SIZE; ++lane)
         bits = as_int(rays.depth[lane]) > bits ? as_int(rays.depth[lane]) : bits;
     return as_float(bits);
 }
 
 // The shapes that touch one row of tiles, nearest first.
 template <int CAPACITY> struct TileRow {
-    static constexpr int ROOM = (CAPACITY + 31) / 32 * 32;
-    signed char left[ROOM], right[ROOM];
-    typename ShapeList<CAPACITY>::Slot ranks[ROOM];
+    static constexpr int SIZE = (CAPACITY + 31) / 32 * 32;
+    signed char left[SIZE], right[SIZE];
+    typename ShapeList<CAPACITY>::Slot ranks[SIZE];
     int count;
 };
 
@@ -284,7 +284,7 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
     int count = 0;  // in a register
     for (int first = 0; first < list.count; first += 32)
         for (unsigned some = spans_around(tiles.top, tiles.bottom, first, list.count, row); some; some &= some - 1) {
-            const int rank = first + lowest_bit(some);
+            const int rank = first + ctz(some);
             picked.left[count] = tiles.left[rank];
             picked.right[count] = tiles.right[rank];
             picked.ranks[count++] = static_cast<typename ShapeList<CAPACITY>::Slot>(rank);
@@ -296,20 +296,20 @@ template <int CAPACITY> inline void pick_row(const ShapeList<CAPACITY>& list, in
 template <int LENS> struct RayLanes {
     const Rays& rays;
 
-    Ray local(const Record& record, int lane) const
+    Ray local(const ShapeRecord& record, int lane) const
     {
-        return ViewRay<LENS> { rays.x[lane], rays.y[lane] }.local(record);
+        return CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(record);
     }
 };
 
 // Spread ones are read first, or what follows would not become vector code.
-template <> struct RayLanes<SPREAD> {
-    float start[3][LANES], direction[3][LANES];
+template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
+    float start[3][WARP_SIZE], direction[3][WARP_SIZE];
 
     explicit RayLanes(const Rays& rays)
     {
-        for (int lane = 0; lane < LANES; ++lane) {
-            const Beam beam = ViewRay<SPREAD> { rays.x[lane], rays.y[lane] }.beam();
+        for (int lane = 0; lane < WARP_SIZE; ++lane) {
+            const OffsetRay beam = CameraRay<RAY_TABLE_WITH_ORIGINS> { rays.x[lane], rays.y[lane] }.beam();
             for (int axis = 0; axis < 3; ++axis) {
                 start[axis][lane] = component(beam.start, axis);
                 direction[axis][lane] = component(beam.direction, axis);
@@ -317,18 +317,18 @@ template <> struct RayLanes<SPREAD> {
         }
     }
 
-    Ray local(const Record& record, int lane) const
+    Ray local(const ShapeRecord& record, int lane) const
     {
         return local_of({ { start[0][lane], start[1][lane], start[2][lane] },
                           { direction[0][lane], direction[1][lane], direction[2][lane] } }, record);
     }
 };
 
-template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& record, const Near& near, Rays& rays)
+template <int TYPE, int LENS, class Near> inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
 {
-    const Record r = record;
+    const ShapeRecord r = record;
     const RayLanes<LENS> lanes { rays };
-    for (int lane = 0; lane < LANES; ++lane) {
+    for (int lane = 0; lane < WARP_SIZE; ++lane) {
         const float t = enter<TYPE>(r, lanes.local(r, lane));
         const bool closer = (t < rays.depth[lane]) & (t > near.at(lane));
         rays.depth[lane] = closer ? t : rays.depth[lane];
@@ -338,7 +338,7 @@ template <int TYPE, int LENS, class Near> inline void trace_shape(const Record& 
 
 // Any shape but a mesh.
 template <int TYPES, int LENS, class Near, class HeightFields>
-inline void trace_record(const Record& record, const Near& near, const HeightFields& fields, Rays& rays)
+inline void trace_record(const ShapeRecord& record, const Near& near, const HeightFields& fields, Rays& rays)
 {
     switch (record.axis_x.w) {
 #define WARPCAM_CASE(TYPE) \
@@ -368,11 +368,11 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
 {
     typename ShapeList<CAPACITY>::Slot behind[CAPACITY];  // slots of meshes, nearest first
     int meshes_behind = 0;
-    float farthest = FAR_AWAY;
+    float farthest = MISS;
     for (int first = 0; first < row.count; first += 32)
         for (unsigned some = spans_around(row.left, row.right, first, row.count, column); some; some &= some - 1) {
-            const int slot = list.order[row.ranks[first + lowest_bit(some)]];
-            const Record& record = list.records[slot];
+            const int slot = list.order[row.ranks[first + ctz(some)]];
+            const ShapeRecord& record = list.records[slot];
             if (as_float(record.size.w) >= farthest) {
                 first = row.count;  // nor is any of those behind it nearer
                 break;
@@ -386,7 +386,7 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
         }
     if (TYPES >> MESH & 1)
         for (int i = 0; i < meshes_behind; ++i) {
-            const Record& record = list.records[behind[i]];
+            const ShapeRecord& record = list.records[behind[i]];
             if (as_float(record.size.w) >= farthest_of(rays))
                 break;
             trace_mesh<TYPES, LENS>(meshes, record, near, rays);

@@ -10,40 +10,41 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int LISTERS = 160;  // threads of a block of the stage: view_shape_lists.py has the same
+constexpr int LIST_BLOCK_THREADS = 160;  // threads of a block of the stage: view_shape_lists.py has the same
 
-// As ShapeList, all of it by rank; with the view. SLOTS: records name their ranks in place of their shapes.
-template <int CAPACITY, bool SLOTS> struct alignas(32) SortedList {
-    static constexpr int ROOM = CAPACITY;
+// Shape list of a whole view, as ShapeList, all of it by rank. HITS_NAME_SLOTS: records name their ranks in place of
+// their shapes.
+template <int CAPACITY, bool HITS_NAME_SLOTS> struct alignas(32) ViewShapeList {
+    static constexpr int SIZE = CAPACITY;
 
     int count;
     int next_tile;  // 0
-    TileSpans tiles[LANES];
-    alignas(16) EndlessFloor floor;
+    PackedTileRect tiles[WARP_SIZE];
+    alignas(16) InfinitePlane floor;
     alignas(16) Camera camera;
-    ShapeFacings<SLOTS ? CAPACITY : 0> facings;  // see there
-    alignas(32) Record records[CAPACITY];
+    NormalCache<HITS_NAME_SLOTS ? CAPACITY : 0> facings;  // see there
+    alignas(32) ShapeRecord records[CAPACITY];
 
-    WARPCAM_FN const Record& at_rank(int rank) const { return records[rank]; }
+    WARPCAM_DEVICE const ShapeRecord& at_rank(int rank) const { return records[rank]; }
 };
 
-// The same as the stage writes it and a block of the trace copies it: as it is up to the records, then the first row of
-// all these, the second, ..., so that threads have neighbours.
-template <int CAPACITY, bool SLOTS> struct FarList {
-    using List = SortedList<CAPACITY, SLOTS>;
-    static constexpr int RECORD_ROWS = sizeof(Record) / sizeof(Row);
-    static constexpr int HEAD_ROWS = sizeof(List) / sizeof(Row) - RECORD_ROWS * CAPACITY;
-    static_assert(CAPACITY <= LANES && HEAD_ROWS == (SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // view_shape_lists.py has the same
+// Layout in global memory, which the stage writes and a block of the trace copies: the same up to the records, then the
+// first row of all records, the second, ..., so that neighbouring threads access neighbouring words.
+template <int CAPACITY, bool HITS_NAME_SLOTS> struct PackedShapeList {
+    using List = ViewShapeList<CAPACITY, HITS_NAME_SLOTS>;
+    static constexpr int RECORD_ROWS = sizeof(ShapeRecord) / sizeof(Float3Int);
+    static constexpr int HEAD_ROWS = sizeof(List) / sizeof(Float3Int) - RECORD_ROWS * CAPACITY;
+    static_assert(CAPACITY <= WARP_SIZE && HEAD_ROWS == (HITS_NAME_SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // view_shape_lists.py has the same
 
-    Row* rows;
+    Float3Int* rows;
 
-    template <class Lists> WARPCAM_FN static FarList of(const Lists& lists, int world)
+    template <class Lists> WARPCAM_DEVICE static PackedShapeList of(const Lists& lists, int world)
     {
-        return { reinterpret_cast<Row*>(lists.data) + size_t(unsigned(world)) * (sizeof(List) / sizeof(Row)) };
+        return { reinterpret_cast<Float3Int*>(lists.data) + size_t(unsigned(world)) * (sizeof(List) / sizeof(Float3Int)) };
     }
-    WARPCAM_FN List& head() const { return *reinterpret_cast<List*>(rows); }
-    WARPCAM_FN Row* records(int row) const { return rows + HEAD_ROWS + row * CAPACITY; }
-    WARPCAM_FN void put(int rank, const Record& record) const
+    WARPCAM_DEVICE List& head() const { return *reinterpret_cast<List*>(rows); }
+    WARPCAM_DEVICE Float3Int* records(int row) const { return rows + HEAD_ROWS + row * CAPACITY; }
+    WARPCAM_DEVICE void put(int rank, const ShapeRecord& record) const
     {
         records(0)[rank] = record.axis_x;
         records(1)[rank] = record.axis_y;
@@ -53,19 +54,19 @@ template <int CAPACITY, bool SLOTS> struct FarList {
     }
     // Has a list of so many shapes on its way to shared memory; for all threads of a block. Loops that are not would
     // take more instructions than all of this.
-    WARPCAM_FN void fetch(List& list, int shapes, unsigned thread) const
+    WARPCAM_DEVICE void fetch(List& list, int shapes, unsigned thread) const
     {
-        constexpr int WARPS = THREADS / LANES;
-        static_assert(RECORD_ROWS == WARPS + 1 && HEAD_ROWS <= (WARPS - 1) * LANES);
-        const unsigned rank = thread % LANES, row = thread / LANES;
+        constexpr int WARPS = THREADS / WARP_SIZE;
+        static_assert(RECORD_ROWS == WARPS + 1 && HEAD_ROWS <= (WARPS - 1) * WARP_SIZE);
+        const unsigned rank = thread % WARP_SIZE, row = thread / WARP_SIZE;
         if (rank < unsigned(shapes)) {
-            Row* const to = reinterpret_cast<Row*>(list.records) + RECORD_ROWS * rank;
+            Float3Int* const to = reinterpret_cast<Float3Int*>(list.records) + RECORD_ROWS * rank;
             copy_row(to + row, rows + (HEAD_ROWS + rank + row * CAPACITY));
             if (row == 0)
                 copy_row(to + WARPS, rows + (HEAD_ROWS + rank + WARPS * CAPACITY));
         }
-        if (thread - LANES < HEAD_ROWS)
-            copy_row(reinterpret_cast<Row*>(&list) + (thread - LANES), rows + (thread - LANES));
+        if (thread - WARP_SIZE < HEAD_ROWS)
+            copy_row(reinterpret_cast<Float3Int*>(&list) + (thread - WARP_SIZE), rows + (thread - WARP_SIZE));
     }
 };
 
@@ -73,45 +74,45 @@ struct alignas(16) ListedCamera {
     Camera camera;
 };
 // By which worlds were seen in the last frame: of a block, in the order of its worlds.
-WARPCAM_FN ListedCamera* cameras_then()
+WARPCAM_DEVICE ListedCamera* cameras_then()
 {
-    WARPCAM_SHARED ListedCamera cameras[LANES];
+    WARPCAM_SHARED ListedCamera cameras[WARP_SIZE];
     return cameras;
 }
 
 // Has on its way what list_worlds() needs, before views are worked out: the cameras of the last frame, where flow is
 // WANTED; what the shapes' threads load, of the warp that has to do with views first.
 template <int CAPACITY, int WANTED, class Shapes, class Lists>
-WARPCAM_FN void begin_listing(const Shapes& shapes, const Lists& lists, int first_world, int worlds, int slot,
+WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int first_world, int worlds, int slot,
                               int shape, int thread)
 {
     if ((WANTED & FLOWS) && thread < worlds) {
-        const auto& camera = FarList<CAPACITY, names_slots(WANTED)>::of(lists, first_world + thread).head().camera;
-        for (int row = 0; row < int(sizeof(ListedCamera) / sizeof(Row)); ++row)
-            copy_row(reinterpret_cast<Row*>(cameras_then() + thread) + row,
-                     reinterpret_cast<const Row*>(&camera) + row);
+        const auto& camera = PackedShapeList<CAPACITY, names_slots(WANTED)>::of(lists, first_world + thread).head().camera;
+        for (int row = 0; row < int(sizeof(ListedCamera) / sizeof(Float3Int)); ++row)
+            copy_row(reinterpret_cast<Float3Int*>(cameras_then() + thread) + row,
+                     reinterpret_cast<const Float3Int*>(&camera) + row);
     }
-    if (thread < LANES && slot < worlds) {
+    if (thread < WARP_SIZE && slot < worlds) {
         asm volatile("prefetch.global.L1 [%0];" ::"l"(wp::address(shapes.positions, first_world + slot, shape)));
         asm volatile("prefetch.global.L1 [%0];" ::"l"(wp::address(shapes.rotations, first_world + slot, shape)));
     }
 }
 
-// Lists the shapes of some worlds, at most LANES, by a block that has a thread for each of their shapes: that of one of
+// Lists the shapes of some worlds, at most WARP_SIZE, by a block that has a thread for each of their shapes: that of one of
 // these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is known of
 // the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
 template <int TYPES, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
           class HeightFields, class Trail, class Lists, class Faults>
-WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
+WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
                             const Meshes& meshes, const HeightFields& fields, const Trail& trail, const Lists& lists,
                             const Faults& faults, int columns, int width, int height, bool brief, int first_world,
                             int worlds, int slot, int shape, int thread)
 {
-    constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0, SLOTS = names_slots(WANTED);
-    using Far = FarList<CAPACITY, SLOTS>;
+    constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0, HITS_NAME_SLOTS = names_slots(WANTED);
+    using Far = PackedShapeList<CAPACITY, HITS_NAME_SLOTS>;
     static_assert(!(TYPES >> MESH & 1) && !(TYPES >> HEIGHT_FIELD & 1));
-    WARPCAM_SHARED Camera cameras[LANES];
-    WARPCAM_SHARED int states[LANES], counts[LANES], broken[LANES], keys[LISTERS];
+    WARPCAM_SHARED Camera cameras[WARP_SIZE];
+    WARPCAM_SHARED int states[WARP_SIZE], counts[WARP_SIZE], broken[WARP_SIZE], keys[LIST_BLOCK_THREADS];
     constexpr int NONE = 0x7ffffffe;  // of what is not seen
     const bool mine = slot < worlds;
     const int world = first_world + slot;
@@ -137,29 +138,29 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
         listed = drawn & !transparent(shapes, materials, world, shape);
     }
     const Shape made { kind, shape, pose.asset, pose.position, pose.size, pose.rotation };
-    ShapeForm form;
-    Record record;
+    BoundsAndScale form;
+    ShapeRecord record;
     Visible found = HIDDEN;
     if (!FLOWING && drawn)
         found = find_form<TYPES>(made, meshes, fields, form, record);
-    block_barrier();
+    block_sync();
     const int at = mine ? slot : 0;
     state = mine ? states[at] : 0;
     const Camera& camera = cameras[at];
     const size_t first_row = 4 * size_t(unsigned(world * columns)) + shape;
-    const Row* before = nullptr;
+    const Float3Int* before = nullptr;
     if (FLOWING && drawn && state != 0) {
-        Row* const one = reinterpret_cast<Row*>(trail.before.data) + first_row;
-        Row* const other = reinterpret_cast<Row*>(trail.after.data) + first_row;
+        Float3Int* const one = reinterpret_cast<Float3Int*>(trail.before.data) + first_row;
+        Float3Int* const other = reinterpret_cast<Float3Int*>(trail.after.data) + first_row;
         before = state == FIRST ? one : other;
         for (int row = 0; row < 4; ++row)
             asm volatile("prefetch.global.L1 [%0];" ::"l"(before + row * columns));
         if (trail.keep)
             keep_pose(state == FIRST ? other : one, columns, pose);
     }
-    TileBox tiles;
+    TileRect tiles;
     int key = NONE;
-    if (drawn && state != 0 && magnitude(camera.origin.x) < FAR_AWAY) {
+    if (drawn && state != 0 && abs(camera.origin.x) < MISS) {
         if (FLOWING)
             found = find_form<TYPES>(made, meshes, fields, form, record);
         if (found == BROKEN)
@@ -172,7 +173,7 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
     }
     if (mine)
         keys[thread] = key;
-    block_barrier();
+    block_sync();
     if (state == 0)
         return;
     const Far far = Far::of(lists, world);
@@ -183,18 +184,18 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
 #pragma unroll 4
     for (int other = 0; other < columns; ++other)  // those that are nearer, and of those at one place the later ones
         rank += unsigned(of_world[other] - key + ((shape - other) >> 31)) >> 31;
-    list.tiles[rank] = { seen ? TileSpans::of(tiles) : TileSpans::NONE };
+    list.tiles[rank] = { seen ? PackedTileRect::of(tiles) : PackedTileRect::NONE };
 #pragma unroll 1
-    for (int none = columns + shape; none < LANES; none += columns)
-        list.tiles[none] = { TileSpans::NONE };
+    for (int none = columns + shape; none < WARP_SIZE; none += columns)
+        list.tiles[none] = { PackedTileRect::NONE };
     if (seen) {
-        if constexpr (SLOTS) {
+        if constexpr (HITS_NAME_SLOTS) {
             record.axis_y.w = rank;
             list.facings.template note<TYPES>(rank, record, shape, camera);
         }
         far.put(rank, record);
         if (rank == 0) {
-            EndlessFloor floor {};
+            InfinitePlane floor {};
             floor.note(record, shape, rank, camera.near, camera.far);
             list.floor = floor;
         }
@@ -202,18 +203,18 @@ WARPCAM_FN void list_worlds(const View& now, int state, const Shapes& shapes, co
     if (shape == 0) {
         list.count = wrong ? 0 : counts[at];
         list.next_tile = 0;
-        if constexpr (SLOTS)
+        if constexpr (HITS_NAME_SLOTS)
             list.facings.begin();
         if (wrong || counts[at] == 0)
             list.floor.begin();
         if (wrong)
             faults.data[world] = 1;
     }
-    // Of what is not seen nobody asks, but of the floor, which is looked at as a whole.
+    // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
         compose_motion<false, DEPTHS>(trail, pose_before(before, columns), pose, kind, state, camera,
-                                      cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> SCALED & 1) != 0, brief,
-                                      reinterpret_cast<Row*>(trail.motions.data) + first_row, columns);
+                                      cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> PER_SHAPE_SCALE & 1) != 0, brief,
+                                      reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
 }
 
 #endif

@@ -11,24 +11,24 @@
 
 namespace warpcam {
 
-// Adds the shape at one place among the drawn ones to the list, if the region may show it. SLOTS: records name their
+// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
 // own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the
 // shape is left out.
-template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
-WARPCAM_FN void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
+WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                            int world)
 {
-    Record record;
-    TileBox tiles;
+    ShapeRecord record;
+    TileRect tiles;
     const int id = wp::index(shapes.drawn, place);
     const Visible seen =
-        prepare<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
+        setup_shape<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
     if (seen == BROKEN)
         list.broken = 1;
     if (seen == SEEN && !hidden(id)) {
-        const int slot = claimed(list.count);
-        if (SLOTS) {
+        const int slot = atomic_append(list.count);
+        if (HITS_NAME_SLOTS) {
             record.axis_y.w = slot;
             record.axis_z.w = place;
         }
@@ -44,171 +44,171 @@ constexpr int FEW_SHAPES = 64;  // that are looked at one by one
 #endif
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. ALONE: by one warp.
-template <int TYPES, int LENS, bool SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
-WARPCAM_APART WARPCAM_FN int gather(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
                       const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
                       int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
 #if !defined(__CUDA_ARCH__)
     if constexpr (CAPACITY > FEW_SHAPES) {
-        for (; begin < total && list.count + PACKET <= CAPACITY; begin += PACKET)
+        for (; begin < total && list.count + SIMD_WIDTH <= CAPACITY; begin += SIMD_WIDTH)
             for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region); some;
                  some &= some - 1)
-                list_shape<TYPES, LENS, SLOTS>(list, begin + lowest_bit(some), shapes, meshes, fields, hidden, camera,
+                list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden, camera,
                                                region, world);
-        return lower_int(begin, total);
+        return min(begin, total);
     }
 #endif
     while (begin < total) {
         const int i = begin + thread;
         begin += THREADS;
         if (i < total)
-            list_shape<TYPES, LENS, SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
+            list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
         // The next round may overflow the list. One warp never has so many, but the compiler spills less with this than
         // without.
         if (total > CAPACITY) {
-            block_barrier();
-            const bool full = list.count + lower_int(THREADS, total - begin) > CAPACITY;
-            block_barrier();
+            block_sync();
+            const bool full = list.count + min(THREADS, total - begin) > CAPACITY;
+            block_sync();
             if (full)
                 break;
         }
     }
     if (ALONE)
-        warp_barrier();
+        warp_sync();
     else
-        block_barrier();
+        block_sync();
     return begin;
 }
 
 #if defined(__CUDA_ARCH__)
 
-// Draws the tiles of a region against the list, a warp TALL of them at once, one below the other.
+// Draws the tiles of a region against the list, a warp TILES_PER_WARP of them at once, one below the other.
 template <int TYPES, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
-WARPCAM_FN void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes,
+WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes,
                            const HeightFields& fields, bool first_pass)
 {
-    constexpr int TALL = Canvas_::TALL;
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::THREES != 0;
-    WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::ROOM : 1>::type rays[HAS_MESH ? THREADS / LANES : 1];
-    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / LANES : 1][TALL * 3 * LANES / 4];
-    int lane = threadIdx.x % LANES;
-    const int warp = threadIdx.x / LANES;
+    constexpr int TILES_PER_WARP = Canvas_::TILES_PER_WARP;
+    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::VECTOR_OUTPUTS != 0;
+    WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::SIZE : 1>::type rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
+    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
+    int lane = threadIdx.x % WARP_SIZE;
+    const int warp = threadIdx.x / WARP_SIZE;
     asm("" : "+r"(lane));  // a register for that, none for the thread's number
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    constexpr int WIDE = Canvas_::WIDE;  // stacks beside each other that are looked at together
-    const int across = region.width / (WIDE * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TALL - 1) / TALL;
+    constexpr int TILE_COLUMNS_PER_WARP = Canvas_::TILE_COLUMNS_PER_WARP;  // stacks beside each other that are looked at together
+    const int across = region.width / (TILE_COLUMNS_PER_WARP * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TILES_PER_WARP - 1) / TILES_PER_WARP;
     // A part has so many levels of units, the last one perhaps fewer.
     const int of_part = across * ((levels + canvas.parts - 1) / canvas.parts), begin = canvas.part * of_part;
-    const int units = canvas.parts == 1 ? of_part : lower_int(begin + of_part, across * levels);
-    const unsigned per_level = unsigned(65536.0f * reciprocal(float(across))) + 1u;  // of 65536; exact below 8192 units
-    // Where tiles take about as long as each other, each warp has its own: one of four, and of the next four the next.
-    // But where much is stored: warps drift apart then, and memory gets lines in parts.
-    constexpr int WARPS = THREADS / LANES;
-    constexpr bool OWN = TALL > 1 && !Canvas_::STORES_MUCH;
+    const int units = canvas.parts == 1 ? of_part : min(begin + of_part, across * levels);
+    const unsigned per_level = unsigned(65536.0f * rcp(float(across))) + 1u;  // of 65536; exact below 8192 units
+    // Gives each warp tiles of its own where tiles take about as long as each other: one of four, and of the next four
+    // the next. Not where much is stored: warps drift apart then, and memory receives partial lines.
+    constexpr int WARPS = THREADS / WARP_SIZE;
+    constexpr bool OWN = TILES_PER_WARP > 1 && !Canvas_::STORES_MUCH;
     int own = warp;
     bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
-    const auto meet = [&] {
+    const auto trace_meshes = [&] {
         if constexpr (Canvas_::APART)
             if (alone)
-                wait_at<MOTIONS_THERE, THREADS>();
+                named_barrier_sync<MOTIONS_THERE, THREADS>();
         alone = false;
     };
     const auto draw_stack = [&](int column, int row, int& found) {
         const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
         const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
-        decltype(canvas.ray(i, j)) ray[TALL];
-        Hit hit[TALL];
-        for (int k = 0; k < TALL; ++k) {
+        decltype(canvas.ray(i, j)) ray[TILES_PER_WARP];
+        Hit hit[TILES_PER_WARP];
+        for (int k = 0; k < TILES_PER_WARP; ++k) {
             ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
-        const unsigned steps = TileSpans::steps(column, row, 1, TALL);
+        const unsigned steps = PackedTileRect::steps(column, row, 1, TILES_PER_WARP);
         unsigned mask = touching<TYPES>(list, 0, steps);
         if constexpr (Canvas_::BARE_FLOORS)
-            if (first_pass && (mask & list.floor.bit) && list.floor.meet(ray, hit)) {
+            if (first_pass && (mask & list.floor.bit) && list.floor.test(ray, hit)) {
                 mask ^= list.floor.bit;
                 if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
-                    canvas.put_bare(i, j, ray, hit, row_of_lanes);
+                    canvas.write_plane_tile(i, j, ray, hit, row_of_lanes);
                     return;
                 }
             }
         trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
-        meet();
-        if (!canvas.put_floor(i, j, hit, lane))
+        trace_meshes();
+        if (!canvas.write_seen_plane(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
             found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
                                      meshes, hit[0].depth);
     };
     const auto next_tile = [&](int& found) {
-        const int unit = begin + (OWN ? own : __shfl_sync(ALL, lane == 0 ? draw_next(list.next_tile) : 0, 0));
+        const int unit = begin + (OWN ? own : __shfl_sync(FULL_WARP, lane == 0 ? draw_next(list.next_tile) : 0, 0));
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (unit >= units)
             return false;
         const int level = Canvas_::WHOLE ? unsigned(unit) / unsigned(across) : unsigned(unit) * per_level >> 16;
-        const int column = WIDE * (unit - level * across), row = TALL * level;
-        if constexpr (WIDE > 1) {
+        const int column = TILE_COLUMNS_PER_WARP * (unit - level * across), row = TILES_PER_WARP * level;
+        if constexpr (TILE_COLUMNS_PER_WARP > 1) {
             const unsigned bare = list.floor.bit;
-            if (bare != 0u && touching<TYPES>(list, 0, TileSpans::steps(column, row, WIDE, TALL)) == bare
-                && canvas.put_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
+            if (bare != 0u && touching<TYPES>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP)) == bare
+                && canvas.write_plane_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
                 return true;
         }
 #pragma unroll 1
-        for (int k = 0; k < WIDE; ++k)
+        for (int k = 0; k < TILE_COLUMNS_PER_WARP; ++k)
             draw_stack(column + k, row, found);
         return true;
     };
     if constexpr (HAS_MESH) {
         const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
         const auto store = [&](int pixel, const Hit& hit) {
-            canvas.put_new(region.left + pixel % 64, region.top + pixel / 64, hit, false);
+            canvas.write_hit(region.left + pixel % 64, region.top + pixel / 64, hit, false);
         };
         trace_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
     } else {
         int none;
         while (next_tile(none)) { }
     }
-    meet();
+    trace_meshes();
 }
 
-// The same as draw_region() of few shapes, whose motions the last warp composes meanwhile: the first lists and sorts
-// shapes, the others begin to draw when it has, and wait for the motions before they write the first flow.
-template <int TYPES, int LENS, bool SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes, class HeightFields,
+// Draws a region of few shapes, whose motions the last warp composes meanwhile: the first warp lists and sorts shapes,
+// the others start to draw when it has, and wait for the motions before they write the first flow.
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes, class HeightFields,
           class Hidden>
-WARPCAM_FN void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes, const Meshes& meshes,
+WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes, const Meshes& meshes,
                            const HeightFields& fields, const Hidden& hidden, int world, int thread, bool blind)
 {
-    static_assert(CAPACITY <= LANES && !(TYPES >> MESH & 1));
-    if (thread >= THREADS - LANES) {
+    static_assert(CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1));
+    if (thread >= THREADS - WARP_SIZE) {
         canvas.begin(thread);
         canvas.ready();
-        arrive_at<MOTIONS_THERE, THREADS>();
+        named_barrier_arrive<MOTIONS_THERE, THREADS>();
         canvas.follow_floor(canvas.camera);
-        wait_at<SHAPES_SORTED, THREADS>();
-        canvas.template look_at_floor<LANES>(thread % LANES);
+        named_barrier_sync<SHAPES_SORTED, THREADS>();
+        canvas.template look_at_floor<WARP_SIZE>(thread % WARP_SIZE);
     } else {
-        if (thread < LANES) {
+        if (thread < WARP_SIZE) {
             if (!blind)
-                gather<TYPES, LENS, SLOTS, true>(list, 0, shapes, meshes, fields, hidden, canvas.camera, canvas.region,
+                build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden, canvas.camera, canvas.region,
                                                  world, thread);
             if (thread == 0 && list.broken) {  // nothing of this world can be trusted
                 list.count = 0;
                 canvas.target.faults.data[world] = 1;
             }
-            warp_barrier();
+            warp_sync();
             sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
-            canvas.face(thread, LANES);
+            canvas.face(thread, WARP_SIZE);
         } else {
-            canvas.find_floor(thread - LANES);
+            canvas.find_floor(thread - WARP_SIZE);
         }
         canvas.ready();
-        wait_at<FIRST_WARPS, THREADS - LANES>();
-        arrive_at<SHAPES_SORTED, THREADS>();
+        named_barrier_sync<FIRST_WARPS, THREADS - WARP_SIZE>();
+        named_barrier_arrive<SHAPES_SORTED, THREADS>();
     }
     draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, true);
 }
@@ -238,7 +238,7 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
 #endif
 
 // For one thread, before the block meets for the first time.
-template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
+template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list)
 {
     list.broken = 0;
     list.count = 0;
@@ -248,60 +248,60 @@ template <int CAPACITY> WARPCAM_FN void begin_list(ShapeList<CAPACITY>& list)
 #endif
 }
 
-// Draws the shapes that are not hidden into the canvas's region; the list has begun. SEVERAL: the scene may have more
+// Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
 // shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
 // late(): what may wait until shapes are listed, and needs no other threads.
-template <int TYPES, int LENS, bool SLOTS, bool SEVERAL, int CAPACITY, class Canvas_, class Shapes, class Meshes,
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
           class HeightFields, class Hidden, class Late>
-WARPCAM_FN void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
+WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
                             const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, const Late& late,
                             int world, int thread)
 {
-    const bool blind = !(magnitude(canvas.camera.origin.x) < FAR_AWAY);
+    const bool blind = !(abs(canvas.camera.origin.x) < MISS);
 #if defined(__CUDA_ARCH__)
     if constexpr (Canvas_::APART)
-        return draw_apart<TYPES, LENS, SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread, blind);
+        return draw_apart<TYPES, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread, blind);
 #endif
     const int total = blind ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
     do {
-        if (SEVERAL && !first) {
+        if (MULTIPASS && !first) {
             if (thread == 0) {
                 list.count = 0;
                 list.next_tile = 0;
             }
-            block_barrier();
+            block_sync();
         }
         canvas.begin(thread);
         if (!blind)
-            begin = gather<TYPES, LENS, SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
+            begin = build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
                                                       canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
-            block_barrier();
+            block_sync();
             if (thread == 0) {
                 list.count = 0;
                 canvas.target.faults.data[world] = 1;
             }
             begin = total;
             first = true;
-            block_barrier();
+            block_sync();
         }
         if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
             leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
         sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
         canvas.face(thread, THREADS);
-        block_barrier();
+        block_sync();
         late();
-        draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !SEVERAL || first);
+        draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !MULTIPASS || first);
         first = false;
-        block_barrier();
-    } while (SEVERAL && begin < total);
+        block_sync();
+    } while (MULTIPASS && begin < total);
 }
 
-// What a block shares. LINES: columns and rows of pixels.
-template <int CAPACITY, int LINES, class Places_, class Facings_> struct DrawRoom {
+// Shared memory of a block. LINES: columns and rows of pixels.
+template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceShared {
     ShapeList<CAPACITY> list;
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
@@ -310,31 +310,31 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct DrawRoo
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
-// SEVERAL: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
+// MULTIPASS: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
 // Near: Places, or what else the block keeps for its images.
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Near, class Shapes,
+template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Near, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                           const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ =
-        Canvas<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = DrawRoom<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
+        TraceTarget<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = TraceShared<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
-    Room& room = by_address(shared);
+    Room& room = keep_shared_address(shared);
     ShapeList<CAPACITY>& list = room.list;
     Camera& camera = room.camera;
     Near& places = room.places;
     const int thread = index % THREADS;
-    int world = same_of_warp(index / THREADS);
+    int world = warp_uniform(index / THREADS);
     Region region { 0, 0, WIDTH, HEIGHT };
     if constexpr (!(OUTPUTS & FLOW_WHOLE)) {
         region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
-        world = same_of_warp(world);
-        region = { same_of_warp(region.left), same_of_warp(region.top), same_of_warp(region.width),
-                   same_of_warp(region.height) };
+        world = warp_uniform(world);
+        region = { warp_uniform(region.left), warp_uniform(region.top), warp_uniform(region.width),
+                   warp_uniform(region.height) };
     }
     const bool wanted = wp::index(target.mask, world);  // the view is on its way meanwhile
     if (thread == 0) {
@@ -348,23 +348,23 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
             places.then = load_camera(wp::index(target.trail.views_before, world));
     if (!wanted)
         return;
-    block_barrier();
+    block_sync();
     if constexpr (FLOWING)
         places.fetch(shapes, target.trail, thread);
     if constexpr (Canvas_::LINED)
-        for (int n = thread; thread < THREADS - LANES && n < WIDTH + HEIGHT; n += THREADS - LANES)  // see draw_apart()
+        for (int n = thread; thread < THREADS - WARP_SIZE && n < WIDTH + HEIGHT; n += THREADS - WARP_SIZE)  // see draw_apart()
             room.lines[n] =
                 n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
     const Canvas_ canvas { target, shapes, list,         camera,     region,
                            world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid<(TYPES >> MASKED & 1) != 0>(shapes, materials, target.veil_places, world, id);
+            return !solid<(TYPES >> ALPHA_TESTED & 1) != 0>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
     const auto draw = [&](const auto& late) {
-        draw_region<TYPES, LENS, names_slots(OUTPUTS), SEVERAL>(list, canvas, shapes, meshes, fields, hidden, late,
+        draw_region<TYPES, LENS, names_slots(OUTPUTS), MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, late,
                                                                 world, thread);
     };
     if constexpr (Near::PAINTS) {
@@ -377,14 +377,14 @@ WARPCAM_FN void draw_with(const Shapes& shapes, const Materials& materials, cons
     }
 }
 
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+WARPCAM_DEVICE void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
                      const Views& views, const Target& target, int index)
 {
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    draw_with<TYPES, LENS, CAPACITY, SEVERAL, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views,
+    draw_with<TYPES, LENS, CAPACITY, MULTIPASS, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views,
                                                                             target, index);
 }
 

@@ -7,40 +7,40 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 
-// What a block shares.
+// Shared memory of a block.
 template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
     alignas(8) float lines[LINES];  // see Canvas
 };
 
-// As draw(), of a whole image by one or several blocks.
-template <int TYPES, int LENS, int CAPACITY, bool SEVERAL, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+// Draws as draw() does, a whole image by one or several blocks.
+template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
+WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
                             const Views&, const Target& target, int index)
 {
-    static_assert(!SEVERAL && (OUTPUTS & FLOW_WHOLE));
+    static_assert(!MULTIPASS && (OUTPUTS & FLOW_WHOLE));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using List = SortedList<CAPACITY, names_slots(OUTPUTS)>;
+    using List = ViewShapeList<CAPACITY, names_slots(OUTPUTS)>;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    using Canvas_ = Canvas<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Canvas_ = TraceTarget<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
     using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
-    Room& room = by_address(shared);
+    Room& room = keep_shared_address(shared);
     constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
-    static_assert(WIDTH % (Canvas_::WIDE * TILE_WIDTH) == 0);
-    const int thread = unsigned(index) % THREADS, block = same_of_warp(unsigned(index) / THREADS);
+    static_assert(WIDTH % (Canvas_::TILE_COLUMNS_PER_WARP * TILE_WIDTH) == 0);
+    const int thread = unsigned(index) % THREADS, block = warp_uniform(unsigned(index) / THREADS);
     const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
     __builtin_assume(world >= 0);
-    const auto from = FarList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
+    const auto from = PackedShapeList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
     from.fetch(room.list, shapes.drawn.shape[0], thread);
     if constexpr (FLOWING)
         room.places.fetch_motions(target.trail, world, thread);
     const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
     if constexpr (Canvas_::LINED) {
-        constexpr int STACK = Canvas_::TALL * TILE_HEIGHT,
+        constexpr int STACK = Canvas_::TILES_PER_WARP * TILE_HEIGHT,
                       ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
         const Camera& camera = from.head().camera;
         const int top = PARTS > 1 ? part * ROWS : 0;
@@ -58,7 +58,7 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         await_rows();
         return;
     }
-    const bool finds = thread >= LANES && thread < THREADS - LANES;
+    const bool finds = thread >= WARP_SIZE && thread < THREADS - WARP_SIZE;
     if constexpr ((OUTPUTS & FLOW_VALID) != 0)
         if (finds || !Near::LOOKS_AT_FLOORS) {
             room.places.locate(target.trail, world);  // all write the same
@@ -70,11 +70,11 @@ WARPCAM_FN void draw_listed(const Shapes& shapes, const Materials&, const Meshes
         part,   PARTS
     };
     if (finds)
-        canvas.find_floor(thread - LANES);
-    else if (thread >= THREADS - LANES)
+        canvas.find_floor(thread - WARP_SIZE);
+    else if (thread >= THREADS - WARP_SIZE)
         canvas.follow_floor(from.head().camera);
     await_rows();
-    block_barrier();
+    block_sync();
     canvas.template look_at_floor<THREADS>(thread);
     draw_tiles<TYPES, LENS>(room.list, canvas, meshes, fields, true);
 }

@@ -13,7 +13,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
-from warpcam.kernels.update import poses
+from warpcam.kernels.update import poses as pose_kernels
 from warpcam.kernels.update.refit import DeformingTree
 from warpcam.scene.layers import transparent_layers
 from warpcam.scene.source import SceneDescription, live_arrays_of
@@ -155,11 +155,17 @@ class SceneGraphSource:
 
     def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
         """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
-        wp.launch(poses.drive, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
+        wp.launch(
+            pose_kernels.write_driven_poses,
+            (self.num_worlds, len(nodes)),
+            [poses, columns],
+            [*self._frames],
+            device=self.device,
+        )
         self._follow(self._driven_kinds)
 
     def columns_of(self, nodes: Sequence[int]) -> wp.array:
-        """Where the poses of frames are kept, which are driven from now on."""
+        """Return the columns that hold the poses of frames, which are driven from now on."""
         new = [node for node in nodes if node not in self._driven]
         if new:
             for node in new:
@@ -193,7 +199,7 @@ class SceneGraphSource:
     def finish_colors(self) -> None:
         inputs = [self._own["colors"], self._own["visible"]]
         colors = self._arrays["shape_colors"]
-        wp.launch(poses.finish_colors, colors.shape, inputs, [colors], device=self.device)
+        wp.launch(pose_kernels.finish_colors, colors.shape, inputs, [colors], device=self.device)
 
     def set_time(self, time: float) -> None:
         if self.graph.at_time is None:
@@ -358,7 +364,7 @@ class SceneGraphSource:
         self._put("sky", materials.sky_rows(lamps, self._gain or 1.0))
 
     def _place_followers(self, worlds: np.ndarray) -> None:
-        """Where each thing stands: in the world, or in the frame of the nearest driven node above it."""
+        """Place each shape: in the world, or in the frame of the nearest driven node above it."""
         graph = self.graph
         driver = np.full(len(graph.nodes), -1, np.int64)
         for index, node in enumerate(graph.nodes):
@@ -385,7 +391,7 @@ class SceneGraphSource:
                 positions[place], rotations[place] = position, rotation
             if any(column >= 0 for column in drivers):
                 self._driven_kinds.append(kind)
-            followers = self._followers.setdefault(kind, poses.AttachedPoses())
+            followers = self._followers.setdefault(kind, pose_kernels.AttachedPoses())
             followers.drivers = wp.array(np.array(drivers, np.int32), dtype=wp.int32, device=self.device)
             followers.positions = wp.array(positions.astype(np.float32), dtype=wp.vec3, device=self.device)
             followers.rotations = wp.array(rotations.astype(np.float32), dtype=wp.mat33, device=self.device)
@@ -395,7 +401,7 @@ class SceneGraphSource:
             out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
             if kind == "light":
                 out.append(self._arrays["light_directions"])
-            kernel = poses.update_attached_lights if kind == "light" else poses.update_attached
+            kernel = pose_kernels.update_attached_lights if kind == "light" else pose_kernels.update_attached
             if out[0].size:
                 wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)
 
