@@ -83,7 +83,7 @@ class ShapeHistory:
 
     def share_with(self, flow_history: Any, tables: SceneTables, keep: bool) -> None:
         """Give a camera's trace what is shared; with ``keep`` it is the last of its kind in the frame."""
-        flow_history.frame_state, flow_history.before, flow_history.after, flow_history.keep = (
+        flow_history.known, flow_history.before, flow_history.after, flow_history.keep = (
             self.frame_state,
             self.poses,
             self.next_poses,
