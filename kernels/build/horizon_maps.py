@@ -1,17 +1,17 @@
-"""What a mesh's own faces hide of the sky from each of them: see native/accel/horizon_map.h."""
+"""Horizon maps of meshes: the sky that a mesh's own faces hide from each face. See native/accel/horizon_map.h."""
 
 import functools
 
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import BLOCK, native_module
+from warpcam.kernels.runtime.launch import BLOCK_DIM, native_module
 from warpcam.kernels.types import Meshes
 
 
 @functools.cache
 def kernel() -> wp.Kernel:
-    """What finds them, for CUDA."""
+    """Return the kernel that computes horizon maps, for CUDA."""
 
     @wp.func_native("warpcam::find_horizon(meshes, mesh, face);")
     def find(meshes: Meshes, mesh: int, face: int): ...
@@ -30,12 +30,15 @@ def kernel() -> wp.Kernel:
     return horizons
 
 
-def are_kept(device: wp.Device) -> bool:
-    """Whether scenes of the device have horizons: finding them takes a core of a CPU longer than building trees."""
+def uses_horizon_maps(device: wp.Device) -> bool:
+    """Return whether scenes of the device have horizon maps.
+
+    A CPU core takes longer to compute them than to build trees.
+    """
     return bool(device.is_cuda)
 
 
-def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
+def build_horizon_maps(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
     """Write the horizons of all faces of all meshes into ``meshes.faces``.
 
     Args:
@@ -45,4 +48,4 @@ def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None
     """
     if len(owners):
         inputs = [meshes, wp.array(owners, dtype=wp.int32, device=device)]
-        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK)
+        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK_DIM)

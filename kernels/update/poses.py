@@ -9,7 +9,7 @@ wp.set_module_options(compiler_flags())
 
 
 @wp.struct
-class Followers:
+class AttachedPoses:
     """Things of one kind. Each hangs on a driven frame, or stands still in the world."""
 
     drivers: wp.array(dtype=wp.int32)  # (thing,) column of Drives, or -1 for the world
@@ -18,7 +18,7 @@ class Followers:
 
 
 @wp.kernel(enable_backward=False)
-def drive(
+def write_driven_poses(
     poses: wp.array3d(dtype=wp.float32),
     columns: wp.array(dtype=wp.int32),
     positions: wp.array2d(dtype=wp.vec3),
@@ -33,8 +33,8 @@ def drive(
 
 
 @wp.func
-def placed(
-    followers: Followers,
+def attached_pose(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     world: wp.int32,
@@ -51,22 +51,22 @@ def placed(
 
 
 @wp.kernel(enable_backward=False)
-def follow(
-    followers: Followers,
+def update_attached(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     out_positions: wp.array2d(dtype=wp.vec3),
     out_rotations: wp.array2d(dtype=wp.mat33),
 ):
     world, thing = wp.tid()
-    position, rotation = placed(followers, positions, rotations, world, thing)
+    position, rotation = attached_pose(followers, positions, rotations, world, thing)
     out_positions[world, thing] = position
     out_rotations[world, thing] = rotation
 
 
 @wp.kernel(enable_backward=False)
-def follow_lights(
-    followers: Followers,
+def update_attached_lights(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     out_positions: wp.array2d(dtype=wp.vec3),
@@ -75,7 +75,7 @@ def follow_lights(
 ):
     """A light shines along its frame's -z."""
     world, thing = wp.tid()
-    position, rotation = placed(followers, positions, rotations, world, thing)
+    position, rotation = attached_pose(followers, positions, rotations, world, thing)
     out_positions[world, thing] = position
     out_rotations[world, thing] = rotation
     out_directions[world, thing] = rotation * wp.vec3(0.0, 0.0, -1.0)
@@ -113,7 +113,7 @@ def set_visible(
 def finish_colors(
     colors: wp.array2d(dtype=wp.vec4), visible: wp.array2d(dtype=wp.uint8), out: wp.array2d(dtype=wp.vec4)
 ):
-    """What is hidden gets an alpha of 0, and is left out by the trace."""
+    """Set the alpha of hidden shapes to 0, so that the trace leaves them out."""
     world, shape = wp.tid()
     color = colors[world % colors.shape[0], shape]
     if visible[world % visible.shape[0], shape] == wp.uint8(0):
@@ -128,7 +128,7 @@ def set_textures(
     count: wp.int32,
     textures: wp.array3d(dtype=wp.int32),
 ):
-    """What is none of the ``count`` textures is no texture."""
+    """Set texture indices; indices outside the ``count`` textures mean no texture."""
     world, place = wp.tid()
     value = values[world % values.shape[0], place]
     textures[world, materials[place], 1] = wp.where(value < count, wp.max(value, -1), -1)

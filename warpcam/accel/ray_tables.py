@@ -40,7 +40,7 @@ def pack_rays(directions: np.ndarray) -> np.ndarray:
 
 
 def unit(directions: np.ndarray) -> np.ndarray:
-    """The same, of length 1 or 0, float64."""
+    """Normalise directions to length 1, or 0 for zero vectors; float64."""
     wide = directions.astype(np.float64)
     largest = np.abs(wide).max(axis=-1, keepdims=True)
     wide = np.divide(wide, largest, out=np.zeros_like(wide), where=largest > 0.0)
@@ -49,7 +49,7 @@ def unit(directions: np.ndarray) -> np.ndarray:
 
 
 def flattened(directions: np.ndarray) -> np.ndarray:
-    """Where the line from (0, 0, 1) through each unit direction meets the plane z = 0: (..., 2)."""
+    """Return where the line from (0, 0, 1) through each unit direction meets the plane z = 0: (..., 2)."""
     x, y, z = np.moveaxis(directions, -1, 0)
     aside = x * x + y * y
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -93,8 +93,8 @@ def pixel_angle(directions: np.ndarray) -> float:
     return max(float(np.median(found)), 1e-6) if found.size else 0.5 * math.pi
 
 
-def handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
-    """What stands in View.scale and View.center for each of some tables: float32 (count, 4), bits.
+def table_handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
+    """Return the values of View.scale and View.center for each table: float32 (count, 4), bits.
 
     Args:
         table: Address of the first.
@@ -102,7 +102,7 @@ def handles(table: int, count: int, floats: int, width: int, height: int, angles
         floats: That each has.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        angles: Of each, between neighbouring rays [rad]; with spread rays see ``spread_width``. Or one for all.
+        angles: Of each, between neighbouring rays [rad]; with spread rays see ``offset_pixel_width``. Or one for all.
     """
     addresses = table + 4 * floats * np.arange(count, dtype=np.uint64)
     words = np.empty((count, 4), np.uint32)

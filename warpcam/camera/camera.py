@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from warpcam.camera.lens import Lens
-from warpcam.camera.lens_tables import TableLens, check_table_size
+from warpcam.camera.lens_tables import RayTableLens, check_table_size
 from warpcam.camera.outputs import check_outputs
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
@@ -85,7 +85,7 @@ class Camera:
             )
         check_table_size(self.lens, self.width, self.height, self.where)
         flows = [name for name in self.outputs if name in ("flow", "flow_valid")]
-        if flows and isinstance(self.lens, TableLens):
+        if flows and isinstance(self.lens, RayTableLens):
             raise WarpcamError(
                 f"{self.where}: outputs has {flows[0]!r}, which no lens that is a table of rays has "
                 f"({type(self.lens).__name__}); Pinhole and Orthographic have it"
@@ -104,12 +104,12 @@ class Camera:
 
     @property
     def is_own(self) -> bool:
-        """Whether it is a camera of the user's, not one of the scene's."""
+        """True for a camera of the user's own, False for one of the scene's."""
         return self.position is not None or self.rotation is not None or self.parent is not None
 
     @property
     def where(self) -> str:
-        """How error messages begin."""
+        """Prefix of error messages about this camera."""
         return f"Camera({self.name!r})"
 
     def _pixels(self, name: str) -> int:

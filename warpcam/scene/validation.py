@@ -1,4 +1,4 @@
-"""Whether what a source gives a scene can be drawn."""
+"""Validation of what a source gives a scene."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -9,11 +9,11 @@ import warp as wp
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, NUM_TYPES, SPLATS
-from warpcam.scene.source import Field, Parts
+from warpcam.scene.source import LiveArray, SceneDescription
 
 
 def check_num_worlds(num_worlds: Any) -> None:
-    """What a user gives as the number of worlds of a scene of a file."""
+    """Check the number of worlds of a scene of a file."""
     if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
         raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
     if num_worlds >= 2**31:
@@ -21,7 +21,7 @@ def check_num_worlds(num_worlds: Any) -> None:
 
 
 def check_unit(meters_per_unit: Any) -> None:
-    """What a user gives as the length of a file's unit, None for the file's own."""
+    """Check the length of a file's unit [m]; None for the file's own."""
     is_number = isinstance(meters_per_unit, int | float | np.number) and not isinstance(meters_per_unit, bool)
     if meters_per_unit is not None and not (is_number and 0.0 < meters_per_unit < np.inf):
         raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")
@@ -39,7 +39,7 @@ def check_semantics(labels: Any) -> dict[str, int]:
     return {name: int(number) for name, number in labels.items()}
 
 
-def check_parts(parts: Parts, counts: Mapping[str, int]) -> None:
+def check_description(parts: SceneDescription, counts: Mapping[str, int]) -> None:
     """Numbers of worlds and rows, types of shapes, the skybox.
 
     Args:
@@ -62,7 +62,7 @@ def check_parts(parts: Parts, counts: Mapping[str, int]) -> None:
         )
 
 
-def check_array(label: str, field: Field, array: Any, rows: int, num_worlds: int, device: wp.Device) -> None:
+def check_array(label: str, field: LiveArray, array: Any, rows: int, num_worlds: int, device: wp.Device) -> None:
     """One live array: its type, shape and device; ``label`` is what the user calls it."""
     if not isinstance(array, wp.array):
         raise WarpcamError(f"{label}: a Warp array is needed, got {type(array).__name__}")
@@ -85,7 +85,7 @@ def check_array(label: str, field: Field, array: Any, rows: int, num_worlds: int
 
 
 def check_indices(
-    arrays: Mapping[str, wp.array], parts: Parts, seen: Sequence[int], label: Callable[[str], str]
+    arrays: Mapping[str, wp.array], parts: SceneDescription, seen: Sequence[int], label: Callable[[str], str]
 ) -> None:
     """Indices as they are when the scene is made; one written later is the user's own responsibility.
 

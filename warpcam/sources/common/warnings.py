@@ -1,4 +1,4 @@
-"""What a user should know about a scene that was read: gathered, and said once for each kind of thing."""
+"""Warnings about a scene that was read: collected, and given once for each kind of problem."""
 
 import logging
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from collections.abc import Callable
 FEW = 3  # places that are named
 
 
-class Notes:
+class WarningCollector:
     """Sentences with the places they are about."""
 
     def __init__(self, source: str):

@@ -1,4 +1,4 @@
-"""What the shapes of a Newton model are part of, and what a user calls them."""
+"""Groups that the shapes of a Newton model belong to, and the user's labels for them."""
 
 import logging
 from typing import Any
@@ -27,7 +27,7 @@ def read_labels(
         of_body[model.joint_child.numpy()[tree]] = articulations[tree]
     of_body[-1] = -1
     instances = of_body[bodies]
-    numbers = Numbers(semantics)
+    numbers = LabelIds(semantics)
     if not numbers:
         return instances, np.zeros((1, ids.shape[1]), np.int32)
     marks = np.zeros(model.shape_count + 1, np.int32)
@@ -51,7 +51,7 @@ def read_labels(
     return instances, marks[np.where(ids >= 0, ids, -1)]
 
 
-class Numbers:
+class LabelIds:
     """Numbers by label, where a label is some of the parts of a path in their order."""
 
     def __init__(self, semantics: Any):
@@ -69,7 +69,7 @@ class Numbers:
         return ["/".join(key) for key in self._numbers if key not in self._found]
 
     def find(self, path: str) -> int | None:
-        """Of the label that ends last in a path, of those the longest."""
+        """Return the number of the label that ends last in a path; of several, the longest."""
         parts, first = path.strip("/").split("/"), None
         for end in range(len(parts), 0, -1):
             for length in self._lengths:

@@ -1,10 +1,10 @@
-"""What of a Newton model is drawn, where a front end lets its users choose."""
+"""Options of front ends that choose which parts of a Newton model are drawn."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Choice:
+class NewtonOptions:
     """Decided when the scene is made: it is what the scene is made of.
 
     Attributes:
