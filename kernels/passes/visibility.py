@@ -13,6 +13,7 @@ from warpcam.kernels.passes.trace_target import (
     opaque_target_struct,
     target_struct,
 )
+from warpcam.kernels.plan import type_bits
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.cpu_pool import cpu_threads
 from warpcam.kernels.runtime.flatten import flatten
@@ -20,7 +21,6 @@ from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
-    LOOKS_ALONE,
     MESH,
     MIDDLE_FIRST,
     MOVING,
@@ -214,7 +214,7 @@ def bind(
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         outputs |= FOURS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
-    types = sum(1 << t for t in tables.shape_types - (frozenset() if outputs & PAINTED else LOOKS_ALONE))
+    types = type_bits(tables.shape_types, device, appearance=bool(outputs & PAINTED))
     if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
         if lists is not None:
