@@ -148,7 +148,7 @@ def test_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_process_prints_nothing_but_json() -> None:
     """Neither what Warp says when it starts nor warnings get between."""
-    program = ["-c", "import sys; from warpcam import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
+    program = ["-c", "import sys; from warpcam.tools import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
     variables = {**os.environ, "MUJOCO_EGL_DEVICE_ID": "3"}
     quick = [sys.executable, fast_compile.__file__, *program, "--json"]
     done = subprocess.run(quick, env=variables, capture_output=True, text=True, timeout=300)
