@@ -12,8 +12,10 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.visibility import LENSES, THREADS, region_size
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
 
@@ -173,7 +175,7 @@ def bind(
             setattr(target, name, flatten(lit[name]))
             setattr(target, f"smooth_{name}", flatten(images[name]))
             wanted |= 1 << bit
-    types = sum(1 << t for t in tables.shape_types)
+    types = type_bits(tables.shape_types, device)
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     if device.is_cuda and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
         region = min(region, REGION)

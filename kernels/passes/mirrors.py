@@ -16,7 +16,9 @@ import warp as wp
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.passes.views import is_finite
 from warpcam.kernels.passes.visibility import LENSES, THREADS, blocks, list_capacity, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import BOX, HeightFields, Materials, Meshes, Shapes, View
 
@@ -230,7 +232,7 @@ def bind_trace(
     if face is not None:
         target.face = face.flatten()
     target.width, target.height = width, height
-    types = sum(1 << t for t in tables.shape_types)
+    types = type_bits(tables.shape_types, device)
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     several = tables.num_drawn > capacity
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, face is not None, target_type)

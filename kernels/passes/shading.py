@@ -9,8 +9,10 @@ import warp as wp
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.passes.visibility import LENSES, THREADS, in_order, region_size
 from warpcam.kernels.passes.world_overrides import EXPOSED, WorldOverrides, override_flags
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
@@ -275,7 +277,7 @@ def bind(
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
     group = group or Group.of_all(tables.num_worlds)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
-    types = sum(1 << t for t in tables.shape_types)
+    types = type_bits(tables.shape_types, device, appearance=True)
     facts = facts_of_looks(tables, shadow is not None) | more | varied
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0

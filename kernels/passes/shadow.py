@@ -6,7 +6,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     GLASS,
@@ -133,7 +135,7 @@ def bind(
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     if face is not None:
         target.face = face.flatten()
-    types = sum(1 << t for t in tables.shape_types)
+    types = type_bits(tables.shape_types, device)
     if MESH in tables.shape_types:
         types |= (1 << SHADING_BACKS) * (tables.physical is None or tables.backs_shade)
         types |= (1 << SHUTTERED) * (tables.physical is None and has_occluder_boxes(tables))

@@ -8,8 +8,9 @@ import warp as wp
 
 from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.passes.visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, Splats, View
 
@@ -227,7 +228,7 @@ def bind(
         height: Of the image [pixels].
         device: Where all of these lie.
         group: Which worlds are drawn.
-        flow_history: Trail, where flow is wanted.
+        flow_history: FlowHistory, where flow is wanted.
     """
     flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
     exposed = (

@@ -15,9 +15,11 @@ from warpcam.kernels.passes import visibility
 from warpcam.kernels.passes.flow import FlowHistory, is_compact
 from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
 from warpcam.kernels.passes.visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
-from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
 
 # Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
 TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
@@ -205,14 +207,14 @@ def bind_lists(
         tables: The scene.
         projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
-        trail: Trail, whose motions are composed; None: none are.
+        trail: FlowHistory, whose motions are composed; None: none are.
         outputs: Of the camera.
         device: Where all of these lie.
     """
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
+    types = type_bits(tables.shape_types, device)
     wanted = 0 if trail is None else FLOW | FLOW_VALID * ("flow_valid" in outputs)
     wanted |= NORMAL * ("normals" in outputs)
     kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)

@@ -13,12 +13,14 @@ from warpcam.kernels.passes.trace_target import (
     opaque_target_struct,
     target_struct,
 )
+from warpcam.kernels.plan import type_bits
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.cpu_pool import cpu_threads
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, cpu_threads, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
-    LOOKS_ALONE,
     MESH,
     MIDDLE_FIRST,
     MOVING,
@@ -159,7 +161,7 @@ def bind(
         group: Which worlds are traced; None is all.
         transparent_index: int32, (shape,). With it shapes that are transparent are left out, of those where it is not
             -1; there are no ``images`` then.
-        flow_history: Trail, where flow is wanted.
+        flow_history: FlowHistory, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see shading.py.
         lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py, if they are.
     """
@@ -212,7 +214,7 @@ def bind(
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         outputs |= FOURS * (width % 4 == 0 and not images.keys().isdisjoint(("points", "normals")))
         outputs |= TILED * (width % 8 == 0 and height % (4 * tiles_at_once(tables.shape_types, region)) == 0)
-    types = sum(1 << t for t in tables.shape_types - (frozenset() if outputs & PAINTED else LOOKS_ALONE))
+    types = type_bits(tables.shape_types, device, appearance=bool(outputs & PAINTED))
     if region == (width, height):
         outputs |= facts_of_whole(tables, device, "flow_valid" in images)
         if lists is not None:
