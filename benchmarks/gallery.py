@@ -34,13 +34,13 @@ def save(path: Path, judge: np.ndarray, image: np.ndarray) -> None:
 
 
 def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float]) -> None:
-    """The table and the pictures, in Markdown."""
+    """Write the table and the pictures as Markdown."""
     names, rows = list(report["summary"]), report["results"]
     lines = [
-        "# warpcam beside mujoco.Renderer",
+        "# Gallery: warpcam and mujoco.Renderer",
         "",
-        f"{len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, as {report['judge']} "
-        "draws them and as warpcam does. Made by",
+        f"Pictures of {len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, by warpcam and by "
+        f"{report['judge']}. To make this page:",
         "",
         "```sh",
         "pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab",
@@ -48,10 +48,10 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         "python -m warpcam.benchmarks.fidelity --peer --out benchmarks/results/fidelity.json --gallery docs",
         "```",
         "",
-        "PSNR is over all channels of all pixels; more is better. FLIP is what eyes see when two pictures are swapped, "
-        "0 to 1; less is better. Mesa is told not to round while it filters textures (`GALLIVM_PERF`), and rays of "
-        "range finders are not drawn. Of mujoco_warp it is its own renderer, with everything on that it has: textures, "
-        "shadows, skybox and as many samples a pixel.",
+        "PSNR is over all channels of all pixels; more is better. FLIP is the difference that eyes see when two "
+        "pictures are swapped, 0 to 1; less is better. Mesa is set not to round while it filters textures "
+        "(`GALLIVM_PERF`). Rays of range finders are not drawn. mujoco_warp is MuJoCo-Warp's own renderer with all its "
+        "features on: textures, shadows, skybox and the same number of samples per pixel.",
         "",
         "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
         "|---|---:|---:|---:|---:|---:|",
@@ -78,7 +78,7 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         lines.append(f"| [{row['shot']}](#{row['shot']}) | {where} | {' | '.join(cells)} |")
     if refused:
         lines += ["", "Not drawn: " + "; ".join(refused)]
-    lines += ["", f"In each row: mujoco.Renderer; warpcam; the difference of each channel, times {STRETCH}."]
+    lines += ["", f"Each row shows mujoco.Renderer, warpcam, and the difference of each channel, times {STRETCH}."]
     for row in rows:
         lines += ["", f"## {row['shot']}", "", f"![{row['shot']}](images/gallery/{row['shot']}.png)"]
     path.write_text("\n".join(lines) + "\n")

@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 import warpcam
 
-ASSETS = Path(warpcam.__file__).parent / "scenes"
+ASSETS = Path(warpcam.__file__).parent / "data"
 
 
 def breakfast(path: Path) -> None:
