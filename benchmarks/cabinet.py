@@ -67,7 +67,7 @@ def arm_at_cabinet() -> mujoco.MjSpec:
 
 
 def ball_under_cloth() -> mujoco.MjSpec:
-    """What a cloth hangs over: a ball and a box on a plane."""
+    """Build the objects that a cloth hangs over: a ball and a box on a plane."""
     spec = mujoco.MjSpec()
     add_floor(spec)
     add_sun(spec)

@@ -1,4 +1,4 @@
-"""What is measured, as data: scenes with their cameras, settings, and sets of outputs."""
+"""Cases of the benchmark, as data: scenes with their cameras, settings, and sets of outputs."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -55,7 +55,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Setting:
-    """How many worlds and pixels; no number of worlds is the case's own for a CPU."""
+    """Number of worlds and pixels; None for worlds takes the case's own number for a CPU."""
 
     name: str
     worlds: int | None

@@ -1,4 +1,4 @@
-"""How far a renderer's images are from another's."""
+"""Comparison of a renderer's images with another's."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ def difference(images: Sequence[Images], reference: Sequence[Images]) -> dict[st
 
 
 def hits_as_ids(images: Sequence[Images]) -> list[Images]:
-    """Where there are no ids all that is hit is one thing."""
+    """Convert hits to ids without ids: all hits are one object."""
     return [{**one, "segmentation": np.where(np.isfinite(one["depth"]), 0, -1)} for one in images]
 
 

@@ -31,7 +31,7 @@ SIZE = 64  # of the image [pixels]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one file."""
+    """Outcome of one file."""
 
     path: Path
     what: str  # "rendered", "refused", or what went wrong

@@ -114,7 +114,7 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
 
 
 def summary(rows: Sequence[dict[str, Any]], name: str) -> dict[str, float]:
-    """Of the shots that the renderer has drawn."""
+    """Summarise the scenes that the renderer has drawn."""
     drawn = [row[name] for row in rows if "psnr" in row.get(name, {})]
     ratios = [one["psnr"] for one in drawn]
     return {

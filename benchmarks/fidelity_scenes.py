@@ -1,4 +1,4 @@
-"""What the pictures of a fidelity run show: scenes whose files come with other packages, and a camera for each."""
+"""Scenes of a fidelity run: files of other packages, and a camera for each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -103,7 +103,7 @@ def memory_used() -> dict[str, int]:
 def work(
     connection: Connection, case: str, outputs: str, worlds: int, frames: int | None, devices: Sequence[str]
 ) -> None:
-    """What a process does: a renderer on each of its devices, and frames on all of them at once when it is told to."""
+    """Run a process: a renderer on each of its devices, and frames on all of them at once when it is told to."""
     wp.config.log_level = wp.LOG_WARNING
     wanted = next(one for one in WANTED if one.name == outputs)
     loops = [Loop(CASES[case], wanted, worlds, device) for device in devices]

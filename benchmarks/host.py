@@ -1,4 +1,4 @@
-"""What warpcam costs on the host: Python time of a replayed frame, and the time to the first image.
+"""Cost of warpcam on the host: Python time of a replayed frame, and the time to the first image.
 
 The first image is timed in a child process, twice: with empty caches, where everything is compiled, and with those
 that the first child left.

@@ -1,4 +1,4 @@
-"""How like two images are."""
+"""Measures of image similarity."""
 
 import numpy as np
 

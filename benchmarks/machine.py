@@ -1,4 +1,4 @@
-"""What numbers were measured on."""
+"""Description of the machine of a measurement."""
 
 import importlib.metadata
 import os

@@ -1,4 +1,4 @@
-"""What may be asked of the suite on the command line. Imports nothing that has to be installed beside warpcam."""
+"""Command-line options of the suite. Imports nothing that has to be installed beside warpcam."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,7 @@
-"""What all renderers of a case share: the model, its worlds on the device, and the sets of poses they move through."""
+"""Problem that all renderers of a case share.
+
+It holds the model, its worlds on the device, and the sets of poses they move through.
+"""
 
 import warnings
 from dataclasses import dataclass, field
@@ -84,7 +87,7 @@ class Problem:
         return int(self.mjm.mesh_facenum[meshes].sum()) + cloth + flexes
 
     def facts(self, wanted: Wanted) -> dict[str, object]:
-        """What a row of the results says about its problem."""
+        """Return the description of the problem in a row of the results."""
         return {
             "case": self.case.name,
             "worlds": self.worlds,

@@ -40,7 +40,7 @@ def new(kind: str, device: wp.Device, **more: Any) -> Report:
 
 
 def arguments(argv: Sequence[str]) -> list[str]:
-    """What came after the command, whichever way it was called."""
+    """Return the arguments after the command, whichever way it was called."""
     return list(argv[2:] if argv[1:2] == ["bench"] else argv[1:])
 
 
@@ -105,7 +105,7 @@ def without_more(outputs: str) -> tuple[str | None, str]:
 
 
 def console() -> Console:
-    """As wide as the table needs where the output is not a terminal."""
+    """Return a console as wide as the table needs if the output is not a terminal."""
     terminal = Console()
     return terminal if terminal.is_terminal else Console(width=200)
 

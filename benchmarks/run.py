@@ -144,7 +144,7 @@ def measured_on_every_gpu(options: argparse.Namespace, device: Any, out: Path) -
 
 
 def case_points(options: argparse.Namespace, device: Any) -> list[Any]:
-    """What to measure: each case in each setting with all its sets of outputs."""
+    """Return the points to measure: each case in each setting with all its sets of outputs."""
     from warpcam.benchmarks import cases
 
     settings = options.setting or ["8192x64" if device.is_cuda else "cpu"]
@@ -162,7 +162,7 @@ def case_points(options: argparse.Namespace, device: Any) -> list[Any]:
 
 
 def left_out(options: argparse.Namespace) -> dict[str, str]:
-    """What a run would hold by default but for packages that are not installed, and their names for pip."""
+    """Return the cases that a run leaves out for lack of packages, and the packages' names for pip."""
     from warpcam.benchmarks import peers
 
     lacking: dict[str, str] = {}

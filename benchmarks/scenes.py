@@ -13,7 +13,7 @@ GEOM = mujoco.mjtGeom
 
 
 def package_folder(package: str) -> Path:
-    """Where a package's files are, found without importing it: its own needs may be missing."""
+    """Return the folder of a package's files without importing it: its own needs may be missing."""
     found = importlib.util.find_spec(package)
     if found is None or found.origin is None:
         raise WarpcamError(f"--case: its files come with the package {package}; pip install --no-deps {package}")

@@ -23,7 +23,7 @@ BASE = 0.28209479177387814  # the spherical harmonic of degree 0
 
 
 def room(count: int, seed: int = 0) -> newton.Gaussian:
-    """What a scan of a room is like: flat Gaussians on walls and three balls, as large as they are far apart."""
+    """Build a cloud like the scan of a room: flat Gaussians on walls and three balls."""
     random = np.random.default_rng(seed)
     half = np.array((2.0, 2.0, 1.25))
     faces = random.choice(9, count, p=np.array((16, 16, 10, 10, 10, 10, 2, 2, 2)) / 78.0)

@@ -25,7 +25,7 @@ SCENE = """
 
 @pytest.fixture(scope="module")
 def seen() -> dict[str, np.ndarray]:
-    """What the camera "top" sees of the scene: one image an output."""
+    """Render what the camera "top" sees of the scene: one image an output."""
     model = mujoco.MjModel.from_xml_string(SCENE)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

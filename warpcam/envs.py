@@ -155,7 +155,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         return "rgb_array" if own is None and self._frames is not None else own
 
     def render(self) -> Any:
-        """What the env renders, or each world's last ``rgb`` of the first camera that gives it, (H, W, 3) uint8."""
+        """Return the env's own picture, or each world's last ``rgb`` of the first camera with it, (H, W, 3) uint8."""
         if self.env.render_mode is not None or self._frames is None:
             return self.env.render()
         return tuple(torch_interop.to_numpy(self._frames).copy())
@@ -164,7 +164,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         self._renderer.render(worlds=worlds, forward=self._forward)
 
     def _forget(self, worlds: Any) -> None:
-        """Where a world has jumped to another state nothing has flowed there."""
+        """Clear the flow of worlds that have jumped to another state."""
         if self._flows:
             self._renderer.reset(worlds)
 
@@ -220,7 +220,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         return torch_interop.to_numpy(values) if torch_interop.is_tensor(values) else values
 
     def _space(self, own: Any) -> Any:
-        """Of one world."""
+        """Batch the values of one world."""
         images = {
             key: self._box("" if key in self._behind else output, tensor)
             for key, (output, tensor) in self._images.items()
@@ -289,7 +289,7 @@ class OneWorld(gymnasium.Env):  # type: ignore[misc]
 
 
 def _mask(worlds: Any) -> Any:
-    """What ``reset`` was told, which must not be taken for ids."""
+    """Return the mask that ``reset`` was given, which must not be taken for ids."""
     if worlds is None:
         return None
     array = torch_interop.as_array(worlds)
@@ -363,7 +363,7 @@ def _row(observations: Any, world: int) -> Any:
 
 
 def _batched(action: Any) -> Any:
-    """Of one world."""
+    """Return the space of one world."""
     if isinstance(action, Mapping):
         return {key: _batched(value) for key, value in action.items()}
     if isinstance(action, tuple):
@@ -372,7 +372,7 @@ def _batched(action: Any) -> Any:
 
 
 def _info(infos: Mapping[str, Any]) -> dict[str, Any]:
-    """What infos tell of the first world. A mask ``_key`` tells which worlds have a ``key``."""
+    """Return the first world's infos. A mask ``_key`` tells which worlds have a ``key``."""
     masks = {key: value for key, value in infos.items() if key.startswith("_") and key[1:] in infos}
     told = {}
     for key, value in infos.items():

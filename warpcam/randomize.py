@@ -77,7 +77,7 @@ class Choice:
 
 
 class Randomizer:
-    """What has been drawn of one target: its arrays, and the stages that draw."""
+    """Random draws of one target: its arrays, and the stages that draw."""
 
     def __init__(self, num_worlds: int, device: wp.Device):
         self.num_worlds, self.device = num_worlds, device
@@ -188,7 +188,7 @@ def _stage(state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.arr
 
 
 def _whole(what: str, values: Any, truths: bool = True) -> tuple[int, ...]:
-    """Of a sequence that may have ``truths``, which are 1 and 0, or must not."""
+    """Return a sequence as whole numbers; ``truths`` allows booleans, which are 1 and 0."""
     try:
         plain = [value.item() if isinstance(value, np.bool_) else value for value in values]
         if not truths and any(isinstance(value, bool) for value in plain):

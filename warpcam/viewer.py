@@ -42,7 +42,7 @@ class ClientCamera(NamedTuple):
 
 
 class ViewSelection(NamedTuple):
-    """What the controls beside the picture say, the same for all pages."""
+    """Settings of the controls beside the picture, shared by all pages."""
 
     output: str
     camera: str
@@ -99,7 +99,7 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
     def update(self, moved: bool = True) -> int:
@@ -122,7 +122,10 @@ class Viewer:
         return sent
 
     def picture(self, choice: ViewSelection, eye: ClientCamera) -> np.ndarray:
-        """What a page shows, (height, width, 3) uint8: wider or higher with borders around a scene's camera."""
+        """Return the picture of a page, (height, width, 3) uint8.
+
+        A scene's camera gets borders if the page is wider or higher.
+        """
         renderer = self._renderer_of(choice)
         key = next(iter(renderer.images))
         if choice.camera == FREE:

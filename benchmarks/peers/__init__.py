@@ -40,7 +40,7 @@ class Peer(Protocol):
         """Everything a new frame takes on the device, refitting included."""
 
     def images(self, worlds: int) -> list[Images]:
-        """Of each camera, for the first worlds: planar depth, inf = miss [m]; geom ids, -1 = miss; rgb."""
+        """Return each camera's images of the first worlds: planar depth, inf = miss [m]; geom ids, -1 = miss; rgb."""
 
 
 def installed() -> list[str]:

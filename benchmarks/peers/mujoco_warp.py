@@ -36,7 +36,7 @@ class MujocoWarpPeer:
         )
 
     def options(self) -> dict[str, object]:
-        """What this renderer and those built upon it take alike."""
+        """Return the options that this renderer shares with those built upon it."""
         return {
             "nworld": self.problem.worlds,
             "cam_res": (self.problem.width, self.problem.height),

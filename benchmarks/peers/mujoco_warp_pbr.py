@@ -10,7 +10,7 @@ from warpcam.benchmarks.peers.mujoco_warp import MujocoWarpPeer
 
 
 class PbrPeer(MujocoWarpPeer):
-    """It stands on a context of MuJoCo-Warp's, which holds the scene tree and the images."""
+    """Renderer on a context of MuJoCo-Warp's, which holds the scene tree and the images."""
 
     pbr: Any = None
 

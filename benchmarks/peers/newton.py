@@ -15,7 +15,7 @@ from warpcam.benchmarks.problem import POSE_SETS, Problem
 
 
 class NewtonPeer:
-    """It owns its poses: each set is turned into its own form beforehand, and `place` copies that."""
+    """Renderer with its own poses: each set is converted to its own form beforehand, and `place` copies that."""
 
     variants: tuple[str, ...] = ("TILED 8x8", "PIXEL_PRIORITY")
     told_memory_mb: float | None = None

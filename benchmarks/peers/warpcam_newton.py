@@ -12,7 +12,7 @@ from warpcam.benchmarks.problem import Problem
 
 
 class WarpcamOnNewton(WarpcamPeer):
-    """The same model and state as Newton's own camera gets, through `from_newton`."""
+    """warpcam on the model and state that Newton's own camera gets, through `from_newton`."""
 
     lacks: tuple[str, ...] = ("the scene's own textures: plain colours stand in for them",)
 

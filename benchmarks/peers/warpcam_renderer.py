@@ -57,7 +57,7 @@ class WarpcamPeer:
         self.renderer = wc.Renderer(self.scene, cameras)
 
     def _own(self, index: int) -> dict[str, Any]:
-        """What a camera is told that the scene does not have."""
+        """Return camera arguments that the scene does not have."""
         return {}
 
     def place(self, index: int) -> None:

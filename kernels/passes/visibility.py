@@ -269,7 +269,10 @@ def in_order(types: int, threads: int, device: wp.Device) -> int:
 
 
 def composes(tables: SceneTables, device: wp.Device) -> bool:
-    """Whether blocks of the trace or of view_shape_lists.py compose how shapes have moved, not a stage of its own."""
+    """Return whether blocks of the trace or of view_shape_lists.py compose how shapes have moved.
+
+    Otherwise a stage of its own composes it.
+    """
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 

@@ -58,7 +58,7 @@ class CameraSensorCfg(MjlabCfg):
 
     @classmethod
     def of(cls, cfg: MjlabCfg, **more: Any) -> "CameraSensorCfg":
-        """The same as one of mjlab's, or of ours, but for what is chosen."""
+        """Copy a configuration of mjlab's or ours, with these changes."""
         return cls(**{field.name: getattr(cfg, field.name) for field in fields(cfg)} | more)
 
     def build(self) -> "CameraSensor":
@@ -110,7 +110,7 @@ class CameraSensor(MjlabSensor):
 
 @dataclass(frozen=True)
 class _Kind:
-    """What sensors that share a scene have in common."""
+    """Settings that sensors which share a scene have in common."""
 
     groups: tuple[int, ...]
     textures: bool
@@ -240,7 +240,7 @@ def use(cfg: Any, **more: Any) -> Any:
 
 
 def _struct_of(bridge: Any) -> Any:
-    """What mjlab's bridge to torch wraps."""
+    """Return the struct that mjlab's bridge to torch wraps."""
     return bridge.struct if isinstance(bridge, WarpBridge) else bridge
 
 

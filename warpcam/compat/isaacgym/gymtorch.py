@@ -45,5 +45,5 @@ def wrap_tensor_impl(
 
 
 def unwrap_tensor(torch_tensor: torch_interop.Tensor) -> Tensor:
-    """What the calls of ``gymapi`` that set states take, of a torch tensor."""
+    """Return the description of a torch tensor that calls of ``gymapi`` which set states take."""
     return unwrap(torch_tensor)

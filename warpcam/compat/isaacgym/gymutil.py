@@ -64,13 +64,13 @@ def draw_lines(geom: LineGeometry, gym: gymapi.Gym, viewer: Any, env: gymapi.Env
 def draw_line(
     p1: gymapi.Vec3, p2: gymapi.Vec3, color: gymapi.Vec3, gym: gymapi.Gym, viewer: Any, env: gymapi.Env
 ) -> None:
-    """The same with one line."""
+    """Draw one line."""
     ends = np.array([[tuple(p1), tuple(p2)]], gymapi.Vec3.dtype)
     gym.add_lines(viewer, env, 1, ends, np.array([tuple(color)], gymapi.Vec3.dtype))
 
 
 def parse_bool(arg: str) -> bool:
-    """Of "true", "yes", "on", "1" and their opposites."""
+    """Parse "true", "yes", "on", "1" and their opposites."""
     if str(arg).lower() not in WORDS:
         raise WarpcamError(f"parse_bool: {arg!r} came; allowed are {', '.join(WORDS)}")
     return WORDS[str(arg).lower()]
@@ -90,7 +90,7 @@ def parse_arguments(
     no_graphics: bool = False,
     custom_parameters: Sequence[Mapping[str, Any]] = (),
 ) -> argparse.Namespace:
-    """What the command line says of devices, and of a program's own parameters.
+    """Parse the command line: devices, and a program's own parameters.
 
     Args:
         description: Shown by ``--help``.
@@ -164,7 +164,7 @@ def parse_flex_config(config: Mapping[str, Any], sim_params: gymapi.SimParams) -
 
 
 def _indent_xml(elem: ElementTree.Element, level: int = 0) -> None:
-    """Of programs that write their assets themselves: break its lines and indent them."""
+    """Break and indent the lines of an XML file, for programs that write their assets themselves."""
     ElementTree.indent(elem, level=level)
 
 

@@ -58,7 +58,7 @@ class SubTerrain:
         return int(distance / self.horizontal_scale)
 
     def stride(self, distance: float, name: str) -> int:
-        """The same, of what is to be repeated."""
+        """Return the stride of what is to be repeated."""
         if self.steps(distance) < 1:
             raise WarpcamError(
                 f"{name} must be at least the {self.horizontal_scale} m from one sample to the next, got {distance}"
@@ -290,7 +290,7 @@ def _shift(move: np.ndarray, axes: tuple[int, ...], up: np.ndarray, down: np.nda
 
 
 def _stretched(heights: np.ndarray, axis: int, count: int) -> np.ndarray:
-    """As many heights along an axis, by straight lines."""
+    """Resample heights along an axis by linear interpolation."""
     places = np.linspace(0.0, heights.shape[axis] - 1.0, count)
     low = np.minimum(places.astype(np.int64), heights.shape[axis] - 2)
     share = np.expand_dims(places - low, 1 - axis)

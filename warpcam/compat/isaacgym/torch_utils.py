@@ -99,7 +99,7 @@ def quat_from_angle_axis(angle: torch.Tensor, axis: torch.Tensor) -> torch.Tenso
 
 
 def normalize_angle(x: torch.Tensor) -> torch.Tensor:
-    """The same angle from -pi to pi."""
+    """Wrap an angle to -pi to pi."""
     return torch.atan2(torch.sin(x), torch.cos(x))
 
 
@@ -194,5 +194,5 @@ def unscale(x: torch.Tensor, lower: torch.Tensor, upper: torch.Tensor) -> torch.
 
 
 def unscale_np(x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """The same of numpy's numbers."""
+    """Unscale numpy arrays."""
     return 2.0 * (x - lower) / (upper - lower) - 1.0

@@ -37,7 +37,7 @@ def lens_of(spawn: Any, width: int, height: int) -> wc.Lens:
 
 
 def unread_lens(prim: Any, spawn: Any) -> str | None:
-    """What a camera's prim says of its lens that ``lens_of`` does not read, or None.
+    """Return the name of a lens attribute of the camera's prim that ``lens_of`` does not read, or None.
 
     Args:
         prim: Of USD, or None.
@@ -53,7 +53,10 @@ def unread_lens(prim: Any, spawn: Any) -> str | None:
 
 
 def _calibrated(distortion: Any, width: int, height: int) -> wc.Lens:
-    """As Isaac Lab's Newton renderer has it: pixels of the calibrated image, stretched to this one."""
+    """Return the calibrated lens as Isaac Lab's Newton renderer has it.
+
+    It stretches pixels of the calibrated image to this one.
+    """
     size = distortion.image_size
     if not (size[0] > 0 and size[1] > 0):
         raise WarpcamError(f"CameraCfg.spawn.distortion.image_size must be positive, got {tuple(size)}")

@@ -186,7 +186,7 @@ class RenderData:
                 write()
 
     def _writer(self, kind: str, buffer: wp.array) -> Callable[[], Any]:
-        """What brings one image into its buffer."""
+        """Return the function that copies one image into its buffer."""
         assert self.renderer is not None
         image, device = self.renderer.array("camera", SOURCES[kind]), self._scene.device
         shape = (*image.shape[:3], buffer.shape[3])
@@ -251,7 +251,7 @@ def _bound(stage: Stage) -> Callable[[], Any]:
 
 
 def _seen_as(buffer: wp.array, dtype: Any, shape: tuple[int, int]) -> wp.array:
-    """The same memory."""
+    """Return a view of the memory with another dtype."""
     return wp.array(ptr=buffer.ptr, dtype=dtype, shape=shape, device=buffer.device, copy=False)
 
 

@@ -166,7 +166,7 @@ def _backend_cfg(sim: Any) -> Any:
 
 
 def _array(value: Any) -> wp.array:
-    """Of a ProxyArray what it wraps."""
+    """Unwrap a ProxyArray."""
     return value if isinstance(value, wp.array) else value.warp
 
 

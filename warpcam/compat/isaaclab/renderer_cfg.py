@@ -1,4 +1,4 @@
-"""What a user chooses of the renderer in Isaac Lab."""
+"""Configuration of the renderer in Isaac Lab."""
 
 from typing import Any, Literal
 

@@ -46,7 +46,7 @@ MORE_OF_DATA = (
 
 @dataclass(frozen=True)
 class Style:
-    """How a picture is made; what is equal is drawn by the same kernels and buffers.
+    """Style of a picture; pictures of equal styles share kernels and buffers.
 
     Attributes:
         groups: Groups that are drawn, of geoms, sites, tendons, flexes and skins in this order.
@@ -101,7 +101,7 @@ class GlCamera:
 
 
 def view_of(scene: mujoco.MjvScene, width: int, height: int) -> GlCamera | None:
-    """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
+    """Return the view of a MuJoCo scene's camera in an image of that size; None if none was set."""
     if min(width, height) < 1:
         raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
     one, two = scene.camera  # two eyes for a stereo picture; one that is none is taken from between them
@@ -122,7 +122,7 @@ def view_of(scene: mujoco.MjvScene, width: int, height: int) -> GlCamera | None:
 
 
 def depth_buffer(depth: np.ndarray, view: GlCamera) -> np.ndarray:
-    """What OpenGL's depth buffer holds for planar depth [m], as float32: 0 at the near plane, 1 at the far one."""
+    """Convert planar depth [m] to OpenGL's depth buffer, float32: 0 at the near plane, 1 at the far one."""
     if view.orthographic:
         return ((depth - view.near) / (view.far - view.near)).astype(np.float32)
     inverse = view.near / depth.astype(np.float64)
@@ -243,7 +243,7 @@ class FrameRenderer:
         return images
 
     def _objects(self, scene: wc.Scene, ids: np.ndarray, mjv_geoms: MjvGeoms) -> np.ndarray:
-        """What stands beside the model with what it is called there."""
+        """Return the objects beside the model, with their names there."""
         made = next(made for made in self._scenes.values() if made.scene is scene)
         table = scene.objects.copy()
         if made.places is not None:
@@ -254,7 +254,7 @@ class FrameRenderer:
         return table[ids]
 
     def _sees_backs(self, view: GlCamera, style: Style) -> bool:
-        """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
+        """Return whether a plane has its back to the camera, and a scene would not show it unless told to."""
         model, state = self._model, self._state
         if "geoms" not in style.draw:
             return False
@@ -267,7 +267,7 @@ class FrameRenderer:
         return bool((behind & seen).any()) and not has_transparent(model, style.groups, style.draw)
 
     def _copy(self, kind: type[ModelVariant]) -> "FrameRenderer":
-        """Of the same state, in a copy of the model."""
+        """Return the same state in a copy of the model."""
         if kind not in self._copies or self._copies[kind][0].is_old():
             follower = kind(self._model)
             self._copies[kind] = follower, FrameRenderer(follower.model, self._device)
@@ -291,7 +291,7 @@ class FrameRenderer:
         return (*values, *transparent, scales, cranks, *colors, model.opt.disableflags & UNLIMITED)
 
     def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""
+        """Return which sites, tendons, flexes and skins are visible now, and which of these are transparent."""
         alpha = np.concatenate([getattr(self._model, name)[:, 3] for name in COLORS])
         return alpha > 0.0, alpha < OPAQUE_ABOVE
 

@@ -31,14 +31,14 @@ def soft_of(scene: mujoco.MjvScene) -> tuple[bytes, ...]:
 
 
 def same(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Which of two copies' items are the same in all fields, (item,) bool."""
+    """Return which of two copies' items are the same in all fields, (item,) bool."""
     width = one.dtype.itemsize
     bytes_of = [np.frombuffer(items.tobytes(), np.uint8).reshape(-1, width) for items in (one, other)]
     return (bytes_of[0] == bytes_of[1]).all(axis=1)
 
 
 def same_all(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two copies are the same."""
+    """Return whether two copies are the same."""
     return len(one) == len(other) and one.tobytes() == other.tobytes()
 
 
@@ -66,7 +66,7 @@ def _copy_of(kind: str, items: Sequence[Any], count: int) -> np.ndarray:
 
 @cache
 def _layouts() -> dict[str, tuple[np.dtype, int]]:
-    """How geoms and lights lie in memory in this version of MuJoCo, and how far ``pos`` is from where they begin."""
+    """Return the memory layout of geoms and lights in this version of MuJoCo, and the offset of ``pos``."""
     scene = mujoco.MjvScene(mujoco.MjModel.from_xml_string("<mujoco/>"), 3)
     scene.geoms[1].label = ""  # nobody has written to that memory yet
     return {"geoms": _layout(scene.geoms), "lights": _layout(scene.lights)}

@@ -30,7 +30,7 @@ FOLLOWED = tuple(
 
 
 def has_transparent(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequence[str]) -> bool:
-    """Whether something of those groups is transparent and drawn.
+    """Return whether a geom of those groups is transparent and drawn.
 
     Args:
         model: The model.
@@ -47,7 +47,7 @@ def has_transparent(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw
 
 
 def sees_transparent(model: mujoco.MjModel, objects: np.ndarray) -> bool:
-    """Whether something transparent is to be seen in an image.
+    """Return whether an image shows anything transparent.
 
     Args:
         model: The model.
@@ -71,7 +71,7 @@ class ModelVariant:
         self._of, self.model = model, copy.copy(model)
 
     def is_old(self) -> bool:
-        """Whether something has changed that a copy does not follow."""
+        """Return whether something has changed that a copy does not follow."""
         return any(getattr(self.model, name) != getattr(self._of, name) for name in ("vis", "stat", "opt"))
 
     def follow(self) -> None:
@@ -111,7 +111,7 @@ def _opacity(model: mujoco.MjModel, kind: str) -> np.ndarray:
 
 
 def _colors(model: mujoco.MjModel, kind: str) -> np.ndarray:
-    """Those that are shown, their own or their materials'."""
+    """Return the displayed colours, geoms' own or their materials'."""
     colors = np.array(getattr(model, f"{kind}_rgba"))
     materials = getattr(model, f"{kind}_matid")[: len(colors)]  # flex_matid of MuJoCo 4.0 is as long as all elements
     by_material = (materials >= 0) & (colors == PLAIN).all(axis=1)

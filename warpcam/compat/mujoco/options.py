@@ -43,7 +43,7 @@ RENDERING_AS_DEFAULT = ("WIREFRAME", "ADDITIVE", "FOG", "HAZE", "DEPTH", "SEGMEN
 
 
 def _numbers(enum: Any, prefix: str, names: Iterable[str]) -> dict[str, int]:
-    """Of those flags that this version of MuJoCo has."""
+    """Return the numbers of those flags that this version of MuJoCo has."""
     return {name: int(getattr(enum, prefix + name)) for name in names if hasattr(enum, prefix + name)}
 
 

@@ -13,7 +13,7 @@ THICKNESS = 1e-3  # of a piece, as part of its width
 def line_pieces(
     start: np.ndarray, end: np.ndarray, pixels: np.ndarray, view: GlCamera, height: int, smooth: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What is seen of lines.
+    """Return the visible pieces of lines.
 
     Args:
         start: (line, 3) world frame [m].

@@ -1,4 +1,6 @@
-"""What of MuJoCo's abstract scene is not the model's own: geoms that it or a program puts there, or that were written.
+"""Geoms of MuJoCo's abstract scene that are not the model's own.
+
+They are those that MuJoCo or a program adds, or that were written.
 
 Contact points and forces, joints, frames and the like come with the category of decor; what a program adds follows on
 what ``mjv_updateScene`` has made.
@@ -49,7 +51,7 @@ class UserGeoms:
         self._soft = mjv_scene.soft_of(scene)
 
     def drawn(self, view: GlCamera, height: int, style: Style, *, solid: bool) -> tuple[Style, MjvGeoms | None]:
-        """How the scene is drawn as it is now: the style of the model, and what stands beside it, or None for nothing.
+        """Return how to draw the present scene: the style of the model, and the geoms beside it, or None for nothing.
 
         Args:
             view: From where it is looked at: lines are as wide as pixels.
@@ -85,7 +87,10 @@ class UserGeoms:
         return style, reader.read(chosen, hidden, lights if lit else None)
 
     def _numbers(self, written: np.ndarray) -> np.ndarray | None:
-        """Of geoms and sites of the model, which are counted after them; None if others are among what was written."""
+        """Return the numbers of geoms, counted after the model's geoms and sites.
+
+        None if others are among what was written.
+        """
         kinds, ids = self._geoms["objtype"][written], self._geoms["objid"][written].astype(np.int64)
         geoms, sites = kinds == int(OBJECT.mjOBJ_GEOM), kinds == int(OBJECT.mjOBJ_SITE)
         soft = np.flatnonzero(np.isin(self._geoms["type"][written], SOFT))
@@ -102,7 +107,7 @@ class UserGeoms:
 def drawn_alone(
     model: mujoco.MjModel, scene: mujoco.MjvScene, view: GlCamera, height: int, style: Style, *, solid: bool
 ) -> tuple[Style, MjvGeoms]:
-    """How a scene is drawn whose state is not known, as one that a program made: all of it stands beside the model.
+    """Return how to draw a scene of unknown state, such as one that a program made: all geoms stand beside the model.
 
     The style that is returned draws nothing of the model; see ``UserGeoms.drawn``.
     """
@@ -202,7 +207,7 @@ class _Reader:
         )
 
     def _textures(self, geoms: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of the geoms themselves, where they have any, else of their materials; and how often these repeat."""
+        """Return the textures and repeats of geoms, their own or their materials'."""
         model = self._model
         materials = geoms["matid"]
         given = (materials >= 0) & (materials < model.nmat)
@@ -219,7 +224,7 @@ class _Reader:
         return textures, repeats, uniform
 
     def _pairs(self, of: np.ndarray, chosen: np.ndarray) -> tuple[np.ndarray, list[tuple[Pair, Pair]]]:
-        """What images of objects show: of geoms that share an id there, all show what the last one is."""
+        """Return the pairs that images of objects show: geoms that share an id show that of the last one."""
         geoms = self._geoms
         segments = geoms["segid"]
         values, last = np.unique(segments[::-1], return_index=True)
@@ -290,7 +295,7 @@ def _round(reader: _Reader, of: np.ndarray, kind: int, half: np.ndarray, wide: f
 
 
 def _plane(reader: _Reader, of: np.ndarray) -> None:
-    """Those of the model may be endless; another without a size is nothing."""
+    """Return the size of a plane: the model's may be infinite; another without a size is not drawn."""
     geoms = reader._geoms[of]
     of = of[(geoms["dataid"] >= 0) | (geoms["size"][:, :2] > 0.0).all(axis=1)]
     reader.add(of, PLANE, reader._geoms["size"][of])
@@ -347,7 +352,7 @@ def _line_box(reader: _Reader, of: np.ndarray) -> None:
 
 
 def _edges() -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Those of a box of half width 1."""
+    """Return the edges of a box of half width 1."""
     for axis in range(3):
         for side in ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
             yield np.insert(side, axis, -1.0), np.insert(side, axis, 1.0)

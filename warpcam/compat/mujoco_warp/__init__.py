@@ -32,7 +32,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What is not rendering is the simulator's."""
+    """Return the simulator's attribute for a name that is not about rendering."""
     message = f"neither warpcam.compat.mujoco_warp nor mujoco_warp has {name!r}"
     if name.startswith("_"):
         raise AttributeError(message)
@@ -186,7 +186,7 @@ def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) ->
 
 
 def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dtype: Any) -> int:
-    """Where the camera's image begins in a row, with ``out`` checked."""
+    """Return the start of the camera's image in a row, with ``out`` checked."""
     _context(rc, f"get_{output}")
     place = whole(camera_index)
     if place is None or not 0 <= place < rc.nrender:

@@ -92,7 +92,7 @@ def check_settings(settings: dict[str, Any]) -> None:
 
 
 def read_groups(where: str, value: Any) -> list[int]:
-    """Of any numbers, in anything that can be gone through once.
+    """Read groups from any iterable of numbers.
 
     Args:
         where: What errors begin with.

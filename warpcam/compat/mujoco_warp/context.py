@@ -1,4 +1,4 @@
-"""What a context holds, and how its images come about."""
+"""Contents of a context, and the render calls that fill its images."""
 
 import copy
 from collections.abc import Sequence
@@ -80,7 +80,10 @@ class RenderContext:
         self._made = True
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """What would change nothing is refused: MuJoCo-Warp reads its context's settings again in each frame."""
+        """Refuse attributes whose change would have no effect.
+
+        MuJoCo-Warp reads its context's settings again in each frame.
+        """
         if getattr(self, "_made", False) and not name.startswith("_") and name != "renderer":
             raise WarpcamError(
                 f"RenderContext.{name} cannot be set: settings are read when the context is made; make another with "
@@ -116,7 +119,7 @@ class RenderContext:
         return bound
 
     def _rows(self, output: str) -> tuple[wp.array, wp.array, int]:
-        """Where each camera's image begins, whether it has one, and how long a row is."""
+        """Return the start of each camera's image, whether it has one, and the length of a row."""
         starts, end = [], 0
         for view in self.views:
             starts.append(end if output in view.outputs else -1)

@@ -16,7 +16,7 @@ CLEAR = wp.constant(-102)  # nothing is seen by the view
 
 @wp.struct
 class ClearValues:
-    """What is written where nothing is hit."""
+    """Values written where nothing is hit."""
 
     color: wp.uint32
     depth: wp.float32
@@ -61,7 +61,7 @@ def choose_cameras(
     mask: wp.array(dtype=wp.uint8),
     left_out: wp.array(dtype=wp.int32),
 ):
-    """Of each view its world and its camera, of ``counts`` and ``mask`` that are zero before."""
+    """Assign each view its world and its camera, from ``counts`` and ``mask`` that are zero before."""
     view = wp.tid()
     world = wanted[view]
     camera = wp.int32(0)
@@ -127,7 +127,7 @@ def byte_of(value: wp.float32) -> wp.uint32:
 
 @wp.func
 def decoded(byte: wp.uint8) -> wp.float32:
-    """Of sRGB, linear."""
+    """Decode sRGB to linear."""
     value = wp.float32(byte) / 255.0
     if value <= 0.04045:
         return value / 12.92

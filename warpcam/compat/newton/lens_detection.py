@@ -18,7 +18,7 @@ MOST = 0.02  # pixels that a ray may lie beside the lens that is found
 
 @dataclass(frozen=True, eq=False)
 class RayBundle:
-    """What one bundle of rays is.
+    """Description of one bundle of rays.
 
     Attributes:
         size: Width and height [pixels].
@@ -36,7 +36,7 @@ class RayBundle:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What renderers can be shared by."""
+        """Key by which renderers can be shared."""
         table = isinstance(self.lens, wc.Rays)
         return self.size, self.lens if table else type(self.lens)
 

@@ -24,7 +24,7 @@ SHARP = 512  # texels of a checkerboard at least along each side
 
 
 class RenderSettings:
-    """What Newton's camera chooses of a scene: its light, its ambient light, which textures show.
+    """Settings of Newton's camera for a scene: light, ambient light, visible textures.
 
     Args:
         model: What scenes are made of.
@@ -86,7 +86,7 @@ class RenderSettings:
         self._write()
 
     def have_textures(self) -> bool:
-        """Whether there are any, shown now or not; reads them from the device."""
+        """Return whether there are textures, shown now or not; reads them from the device."""
         return bool(self._all.numpy().max(initial=-1) >= 0)
 
     def show(self, config: Any, capturing: bool) -> None:
@@ -211,7 +211,7 @@ def splat_limits(config: Any) -> tuple[float, float]:
 
 
 def linear_color(packed: int) -> int:
-    """Of R | G << 8 | B << 16 | A << 24 in display values, with A as it is."""
+    """Decode R | G << 8 | B << 16 | A << 24 in display values to linear, with A as it is."""
     color = int(packed) & 255 << 24
     for shift in (0, 8, 16):
         value = (int(packed) >> shift & 255) / 255.0

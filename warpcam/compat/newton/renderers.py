@@ -63,7 +63,7 @@ SETTINGS: Mapping[str, str] = {
 
 
 class Mapped:
-    """Which world and which camera each view is of.
+    """World and camera of each view.
 
     Attributes:
         worlds: int32 (view,).

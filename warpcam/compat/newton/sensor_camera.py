@@ -225,7 +225,7 @@ def check_array(name: str, array: Any, dtype: Any, device: wp.Device) -> None:
 
 
 def check_images(images: dict[str, Any], shape: tuple[int, ...], device: wp.Device) -> dict[str, wp.array]:
-    """Those that are there."""
+    """Check the images that are given."""
     for name, image in images.items():
         if name not in IMAGES:
             raise TypeError(f"update has no argument {name!r}; images are {', '.join(IMAGES)}")

@@ -37,7 +37,7 @@ class Utils(NewtonsCamera.Utils):
             sensor._views.looks.set_light(enable_shadows, DOWN if direction is None else direction, None)
 
     def assign_checkerboard_material(self, *, shape_indices: Any, resolution: int = 64, checker_size: int = 32) -> None:
-        """As ``SensorCamera`` does; it changes ``default_render_config`` as Newton does."""
+        """Assign a checkerboard material; changes ``default_render_config`` as Newton does."""
         sensor = self._sensor()
         if sensor is not None:
             sensor._views.assign_checkerboard(shape_indices, resolution, checker_size)

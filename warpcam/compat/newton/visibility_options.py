@@ -1,4 +1,4 @@
-"""What of a model Newton's settings have drawn, as far as it is there."""
+"""Parts of a model that Newton's settings have drawn, as far as they exist."""
 
 from dataclasses import replace
 from typing import Any
@@ -11,7 +11,7 @@ MESHES = (newton.GeoType.MESH, newton.GeoType.CONVEX_MESH)
 
 
 class VisibilityState:
-    """What of a model can be chosen.
+    """Parts of a model that can be chosen.
 
     Args:
         model: The model.
@@ -46,7 +46,7 @@ class VisibilityState:
         )
 
     def choice(self, config: Any, triplanar: bool) -> NewtonOptions:
-        """What a RenderConfig of Newton's says.
+        """Return the options that a RenderConfig of Newton's asks for.
 
         Args:
             config: It.

@@ -160,7 +160,7 @@ class OffscreenContext:
 
 
 class _ModderContext(OffscreenContext):
-    """As robosuite's texture modder makes it where there is none yet: with device 0, which nobody chose."""
+    """Context as robosuite's texture modder makes it if there is none yet: with device 0, which nobody chose."""
 
     def __init__(self, sim: Any, device_id: int = -1, max_width: int = 640, max_height: int = 480):
         super().__init__(sim, -1, max_width, max_height)

@@ -1,4 +1,4 @@
-"""What robosuite 1.5.2 misses in MuJoCo from 3.10 on: of it as it was until then, the least that it needs."""
+"""Attributes of MuJoCo before 3.10 that robosuite 1.5.2 needs: the minimum of them."""
 
 from typing import Any
 

@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class BoneWeights:
-    """How the vertices of all skins hang on bodies: see ``kernels.update.skinning.SkinWeights``."""
+    """Weights that attach the vertices of all skins to bodies: see ``kernels.update.skinning.SkinWeights``."""
 
     starts: np.ndarray
     bodies: np.ndarray

@@ -26,7 +26,7 @@ class AppearanceCalls:
     """See ``Gym``."""
 
     def set_rigid_body_segmentation_id(self, env: Env, actor: int, body: int, segmentation_id: int) -> None:
-        """What ``IMAGE_SEGMENTATION`` shows of a body."""
+        """Set the value of ``IMAGE_SEGMENTATION`` for a body."""
         where = "set_rigid_body_segmentation_id"
         found = env_of(env, where).actor(actor, where)
         check_segment(segmentation_id, where)
@@ -56,7 +56,7 @@ class AppearanceCalls:
         env.sim.appearance.changed += 1
 
     def get_rigid_body_color(self, env: Env, actor: int, body: int, mesh_type: MeshType) -> Vec3:
-        """Of the first of those shapes."""
+        """Return the colour of the first of those shapes."""
         found, shapes = _shapes(env, actor, body, mesh_type, "get_rigid_body_color")
         if not len(shapes):
             raise WarpcamError(f"get_rigid_body_color: body {body} of {found.name!r} has no {MeshType(mesh_type).name}")
@@ -78,7 +78,7 @@ class AppearanceCalls:
             looks.textured += 1
 
     def get_rigid_body_texture(self, env: Env, actor: int, body: int, mesh_type: MeshType) -> int:
-        """Of the first of those shapes; INVALID_HANDLE for none."""
+        """Return the texture of the first of those shapes; INVALID_HANDLE for none."""
         found, shapes = _shapes(env, actor, body, mesh_type, "get_rigid_body_texture")
         return int(found.textures[shapes[0]]) if len(shapes) else INVALID_HANDLE
 

@@ -46,7 +46,7 @@ class AssetCalls:
     def create_box(
         self, sim: Sim, width: float, height: float, depth: float, options: AssetOptions | None = None
     ) -> Asset:
-        """Of these lengths along x, y and z [m]."""
+        """Create a box of these lengths along x, y and z [m]."""
         lengths = {"width": width, "height": height, "depth": depth}
         sides = [0.5 * _positive("create_box", name, value) for name, value in lengths.items()]
 
@@ -135,7 +135,7 @@ class AssetCalls:
         return self.get_asset_rigid_body_dict(asset).get(name, INVALID_HANDLE)
 
     def get_asset_rigid_shape_count(self, asset: Asset) -> int:
-        """Of those that collide."""
+        """Return the number of shapes that collide."""
         return len(asset_of(asset, "get_asset_rigid_shape_count").solid)
 
     def get_asset_joint_count(self, asset: Asset) -> int:
@@ -205,7 +205,7 @@ class AssetCalls:
         return self.get_asset_rigid_body_dict(actor_of(env, actor, "get_actor_rigid_body_dict").asset)
 
     def get_actor_rigid_body_handle(self, env: Env, actor: int, index: int) -> int:
-        """Of a body in its environment, as cameras are attached to."""
+        """Return the handle of a body in its environment, as cameras are attached to."""
         found = actor_of(env, actor, "get_actor_rigid_body_handle")
         return found.before.bodies + found.body(index, "get_actor_rigid_body_handle")
 
@@ -225,7 +225,7 @@ class AssetCalls:
         return self.find_actor_rigid_body_index(env, actor, name, IndexDomain.DOMAIN_ENV)
 
     def get_rigid_handle(self, env: Env, actor: str, name: str) -> int:
-        """Of the body of that name of the actor of that name."""
+        """Return the handle of the body of that name of the actor of that name."""
         handle = self.find_actor_handle(env, actor)
         return handle if handle == INVALID_HANDLE else self.find_actor_rigid_body_handle(env, handle, name)
 
@@ -332,7 +332,7 @@ def _all(sim: Any, where: str) -> Counts:
 
 
 def place_of(actor: Actor, domain: IndexDomain, kind: str, index: int) -> int:
-    """Where something of an actor is in the actor, its environment or the simulation."""
+    """Return the index of a part of an actor in the actor, its environment or the simulation."""
     if domain == IndexDomain.DOMAIN_SIM:
         index += getattr(actor.env.before(), kind)
     if domain in (IndexDomain.DOMAIN_SIM, IndexDomain.DOMAIN_ENV):

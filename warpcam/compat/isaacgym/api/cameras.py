@@ -70,7 +70,7 @@ class CameraCalls:
         sensor.put(_placed(local_transform, f"{where}: local_transform"), follow, place)
 
     def get_camera_transform(self, sim: Sim, env: Env, camera: int, *, quirks: bool | None = None) -> Transform:
-        """Where a camera is now, in its environment's frame.
+        """Return the present pose of a camera, in its environment's frame.
 
         Args:
             sim: The simulation.
@@ -211,7 +211,7 @@ def _placed(value: Any, where: str) -> Transform:
 
 
 def _pose(sensor: Sensor) -> Transform:
-    """Where it is now, in its environment's frame; waits for the device if it follows a body."""
+    """Return the camera's present pose in its environment's frame; waits for the device if it follows a body."""
     if sensor.mode == kernels.FREE:
         return Transform(sensor.pose.p, sensor.pose.r)
     body = sensor.env.place(sensor.body)

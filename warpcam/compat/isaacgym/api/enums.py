@@ -28,7 +28,7 @@ def check_segment(value: Any, where: str) -> None:
 
 
 class ImageType(IntEnum):
-    """What an image of a camera shows."""
+    """Kind of image that a camera makes."""
 
     IMAGE_COLOR = 0
     IMAGE_DEPTH = 1
@@ -37,14 +37,14 @@ class ImageType(IntEnum):
 
 
 class CameraFollowMode(IntEnum):
-    """How a camera that is attached to a body moves with it."""
+    """Motion of a camera that is attached to a body."""
 
     FOLLOW_POSITION = 0
     FOLLOW_TRANSFORM = 1
 
 
 class MeshType(IntEnum):
-    """Which shapes of a body."""
+    """Shapes of a body, by their use."""
 
     MESH_NONE = 0
     MESH_COLLISION = 1
@@ -53,7 +53,7 @@ class MeshType(IntEnum):
 
 
 class UpAxis(IntEnum):
-    """Which way is up."""
+    """Axis that points up."""
 
     UP_AXIS_Y = 0
     UP_AXIS_Z = 1
@@ -67,7 +67,7 @@ class SimType(IntEnum):
 
 
 class IndexDomain(IntEnum):
-    """What an index counts in."""
+    """Range that an index counts in."""
 
     DOMAIN_ACTOR = 0
     DOMAIN_ENV = 1
@@ -75,7 +75,7 @@ class IndexDomain(IntEnum):
 
 
 class DofDriveMode(IntEnum):
-    """What moves a degree of freedom."""
+    """Drive of a degree of freedom."""
 
     DOF_MODE_NONE = 0
     DOF_MODE_POS = 1
@@ -104,7 +104,7 @@ class JointType(IntEnum):
 
 
 class TensorDataType(IntEnum):
-    """Of the numbers of a tensor."""
+    """Type of a tensor's numbers."""
 
     DTYPE_FLOAT32 = 0
     DTYPE_UINT32 = 1
@@ -115,7 +115,7 @@ class TensorDataType(IntEnum):
 
 
 class MeshNormalMode(IntEnum):
-    """Where normals of an asset's meshes come from. Held: they are those of the file."""
+    """Source of an asset's mesh normals. Held: they are those of the file."""
 
     FROM_ASSET = 0
     COMPUTE_PER_VERTEX = 1
@@ -193,7 +193,7 @@ class RigidBodyState:
 
 
 class RigidContact:
-    """Where two bodies touch, counted in their environments, -1 for the ground, and the forces that they feel [N].
+    """Contact of two bodies, counted in their environments, -1 for the ground, and the forces on them [N].
 
     The normal points from the first to the second; a distance that is negative is an overlap.
     """
@@ -202,6 +202,6 @@ class RigidContact:
 
 
 class DofProperties:
-    """What drives and limits a degree of freedom."""
+    """Drive and limits of a degree of freedom."""
 
     dtype = DOF_PROPERTIES

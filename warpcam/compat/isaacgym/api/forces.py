@@ -102,7 +102,7 @@ class ForceCalls:
         torque: Vec3 | None = None,
         space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
     ) -> None:
-        """The same on one body."""
+        """Apply the forces to one body."""
         _push_one(env, rigidHandle, space, "apply_body_forces", forces=force, torques=torque)
 
     def apply_body_force_at_pos(
@@ -113,7 +113,7 @@ class ForceCalls:
         pos: Vec3 | None = None,
         space: CoordinateSpace = CoordinateSpace.ENV_SPACE,
     ) -> None:
-        """The same on one body."""
+        """Apply the force to one body."""
         _push_one(env, rigidHandle, space, "apply_body_force_at_pos", forces=force, places=pos)
 
 

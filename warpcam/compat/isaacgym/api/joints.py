@@ -35,11 +35,11 @@ class JointCalls(AssetCalls, StateCalls):
         return self.get_asset_joint_dict(asset).get(name, INVALID_HANDLE)
 
     def get_joint_type_string(self, joint_type: JointType) -> str:
-        """As "Revolute"."""
+        """Return the joint's type, for example "Revolute"."""
         return _word(one_of(JointType, joint_type, "get_joint_type_string: type"))
 
     def get_dof_type_string(self, dof_type: DofType) -> str:
-        """Of a hinge "Rotation", of a slide "Translation"."""
+        """Return "Rotation" for a hinge, "Translation" for a slide."""
         return _word(one_of(DofType, dof_type, "get_dof_type_string: type"))
 
     def get_actor_joint_names(self, env: Env, actor: int) -> list[str]:
@@ -63,7 +63,7 @@ class JointCalls(AssetCalls, StateCalls):
         return self.get_actor_joint_index(env, actor, index, IndexDomain.DOMAIN_ENV)
 
     def get_joint_handle(self, env: Env, actor: str, name: str) -> int:
-        """Of the joint of that name of the actor of that name."""
+        """Return the handle of the joint of that name of the actor of that name."""
         handle = self.find_actor_handle(env, actor)
         return handle if handle == INVALID_HANDLE else self.find_actor_joint_handle(env, handle, name)
 
@@ -72,7 +72,7 @@ class JointCalls(AssetCalls, StateCalls):
         return found.asset.joints[index]
 
     def get_joint_position(self, env: Env, joint: int) -> float:
-        """Of a joint of one degree of freedom, as those that follow are [m or rad]."""
+        """Return the position of a joint of one degree of freedom, as the methods below do [m or rad]."""
         return self.get_dof_position(env, _dof_of(env, joint, "get_joint_position"))
 
     def get_joint_velocity(self, env: Env, joint: int) -> float:
@@ -91,7 +91,7 @@ class JointCalls(AssetCalls, StateCalls):
         self.set_dof_target_velocity(env, _dof_of(env, joint, "set_joint_target_velocity"), value)
 
     def get_joint_transform(self, env: Env, joint: int) -> Transform:
-        """Where a joint is now, in its environment's frame, turned as what hangs on it."""
+        """Return the present pose of a joint in its environment's frame, rotated as its child."""
         found, index = _joint(env, joint, "get_joint_transform")
         return _joint_pose(found, _in_builder(found.asset, index))
 
@@ -137,7 +137,7 @@ class JointCalls(AssetCalls, StateCalls):
         return _targets(actor_of(env, actor, "get_actor_dof_velocity_targets"), "velocities")
 
     def get_dof_frame(self, env: Env, dof: int) -> DofFrame:
-        """Where a degree of freedom is now, in its environment's frame."""
+        """Return the present frame of a degree of freedom in its environment's frame."""
         return _frame(*_dof(env, dof, "get_dof_frame"))
 
     def get_actor_dof_frames(self, env: Env, actor: int) -> np.ndarray:
@@ -177,12 +177,12 @@ def _word(kind: Any) -> str:
 
 
 def _in_builder(asset: Asset, index: int) -> int:
-    """What a base is held by or floats with comes before a joint."""
+    """Return the joint's index in the builder, where joints that hold or free a base come first."""
     return int(asset.builder.joint_count - len(asset.joints) + index)
 
 
 def _joint_place(actor: Actor, domain: IndexDomain, index: int) -> int:
-    """Where a joint of an actor is in the actor, its environment or the simulation."""
+    """Return the index of an actor's joint in the actor, its environment or the simulation."""
     domain = one_of(IndexDomain, domain, "index domain")
     if domain == IndexDomain.DOMAIN_ACTOR:
         return index
@@ -240,7 +240,7 @@ def _targets(actor: Actor, kind: str) -> np.ndarray:
 
 
 def _joint_pose(actor: Actor, place: int) -> Transform:
-    """Of a joint of that place in the asset's builder: where it holds its child."""
+    """Return the pose at which a joint holds its child, by the joint's index in the asset's builder."""
     builder = actor.asset.builder
     body = actor.env.place(actor.before.bodies + int(builder.joint_child[place]))
     local = [float(value) for value in builder.joint_X_c[place]]

@@ -16,7 +16,7 @@ DOF_FRAME = np.dtype([("origin", VEC3), ("axis", VEC3)])
 
 
 def numbers_in(buffer: Any, kind: type) -> list[float]:
-    """Of a row of an array of the kind's ``dtype``, of bytes, or of as many numbers."""
+    """Read numbers from a row of an array of the type's ``dtype``, from bytes, or from as many numbers."""
     row = np.frombuffer(buffer, np.uint8) if isinstance(buffer, bytes | bytearray | memoryview) else np.asarray(buffer)
     packed = row.dtype.names is not None or row.dtype == np.uint8
     count = kind.dtype.itemsize // 4  # type: ignore[attr-defined]
@@ -30,7 +30,7 @@ def numbers_in(buffer: Any, kind: type) -> list[float]:
 
 
 class Numbered:
-    """Of numbers alone: of Python, or single ones of numpy and torch."""
+    """Type made of numbers alone: Python's, or single ones of numpy and torch."""
 
     dtype: np.dtype
 
@@ -41,7 +41,7 @@ class Numbered:
 
     @classmethod
     def from_buffer(cls, buffer: Any) -> Self:
-        """Of a row of an array of its ``dtype``, or of its bytes."""
+        """Read from a row of an array of its ``dtype``, or from its bytes."""
         return cls(*numbers_in(buffer, cls))
 
 
@@ -185,7 +185,7 @@ class Transform:
 
     @classmethod
     def from_buffer(cls, buffer: Any) -> "Transform":
-        """Of a row of an array of its ``dtype``, as states have poses, or of its bytes."""
+        """Read from a row of an array of its ``dtype``, as states have poses, or from its bytes."""
         numbers = numbers_in(buffer, cls)
         return cls(numbers[:3], numbers[3:])
 
@@ -224,7 +224,7 @@ class Transform:
 
 
 class Velocity:
-    """Of a body: ``linear`` [m/s] and ``angular`` [rad/s]."""
+    """Velocity of a body: ``linear`` [m/s] and ``angular`` [rad/s]."""
 
     dtype = VELOCITY
 
@@ -236,7 +236,7 @@ class Velocity:
 
 
 class DofFrame:
-    """Where a degree of freedom is, ``origin`` [m], and along or about which ``axis`` it moves."""
+    """Frame of a degree of freedom: its ``origin`` [m], and the ``axis`` along or about which it moves."""
 
     dtype = DOF_FRAME
 
@@ -282,7 +282,7 @@ def matrix_of(rotation: Quat) -> np.ndarray:
 
 
 def quat_of(matrix: np.ndarray) -> Quat:
-    """Of a (3, 3) rotation matrix."""
+    """Convert a (3, 3) rotation matrix to a quaternion."""
     m = np.asarray(matrix, np.float64)
     # The largest of the four is found first, so that nothing small is divided by.
     squares = np.array((m[0, 0], m[1, 1], m[2, 2], m.trace()))

@@ -1,4 +1,4 @@
-"""What Isaac Gym's programs fill in before they call: each with that system's defaults.
+"""Parameters that Isaac Gym's programs fill in before they call: each with that system's defaults.
 
 Of what concerns physics alone, a part is only held: docs/compat/isaacgym.md says what counts.
 """
@@ -22,7 +22,7 @@ class Strict:
 
 @dataclass
 class CameraProperties(Strict):
-    """Of one camera.
+    """Parameters of a camera.
 
     Attributes:
         width: Of the image [pixels].
@@ -95,7 +95,7 @@ class FlexParams(Strict):
 
 @dataclass
 class SimParams(Strict):
-    """Of a simulation.
+    """Parameters of a simulation.
 
     Attributes:
         dt: Of one call of ``simulate`` [s].
@@ -124,7 +124,7 @@ class SimParams(Strict):
 
 @dataclass
 class PlaneParams(Strict):
-    """Of the ground: the points p with normal . p + distance = 0."""
+    """Parameters of the ground plane: the points p with normal . p + distance = 0."""
 
     normal: Vec3 = field(default_factory=lambda: Vec3(0.0, 1.0, 0.0))
     distance: float = 0.0
@@ -136,7 +136,7 @@ class PlaneParams(Strict):
 
 @dataclass
 class TriangleMeshParams(Strict):
-    """Of a terrain of triangles."""
+    """Parameters of a terrain of triangles."""
 
     nb_vertices: int = 0
     nb_triangles: int = 0
@@ -149,7 +149,7 @@ class TriangleMeshParams(Strict):
 
 @dataclass
 class HeightFieldParams(Strict):
-    """Of a terrain of heights, see ``add_heightfield``.
+    """Parameters of a terrain of heights, see ``add_heightfield``.
 
     Attributes:
         row_scale: From one row to the next [m].
@@ -178,7 +178,7 @@ class HeightFieldParams(Strict):
 
 @dataclass
 class VhacdParams(Strict):
-    """Of a decomposition into convex parts. Held: there is none."""
+    """Parameters of a decomposition into convex parts. Held: there is none."""
 
     resolution: int = 100000
     concavity: float = 0.001
@@ -198,7 +198,7 @@ class VhacdParams(Strict):
 
 @dataclass
 class AssetOptions(Strict):
-    """How a file becomes an asset.
+    """Options of the import of an asset file.
 
     Attributes:
         fix_base_link: Whether its first body is fixed where the actor is created.

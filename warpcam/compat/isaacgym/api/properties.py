@@ -32,24 +32,24 @@ class PropertyCalls:
     """See ``Gym``."""
 
     def get_asset_rigid_shape_properties(self, asset: Asset) -> list[RigidShapeProperties]:
-        """Of all of its shapes that collide; copies."""
+        """Return the properties of all shapes that collide; copies."""
         asset = asset_of(asset, "get_asset_rigid_shape_properties")
         return to_surfaces(asset.surfaces[asset.solid])
 
     def set_asset_rigid_shape_properties(self, asset: Asset, properties: list[RigidShapeProperties]) -> bool:
-        """Of the actors that are made of it from now on."""
+        """Set the properties for actors that are made of the asset from now on."""
         where = "set_asset_rigid_shape_properties"
         asset = asset_of(asset, where)
         asset.surfaces = from_surfaces(properties, asset.surfaces, asset.solid, where)
         return True
 
     def get_actor_rigid_shape_properties(self, env: Env, actor: int) -> list[RigidShapeProperties]:
-        """Of all of its shapes that collide; copies."""
+        """Return the properties of all shapes that collide; copies."""
         found = actor_of(env, actor, "get_actor_rigid_shape_properties")
         return to_surfaces(found.surfaces[found.asset.solid])
 
     def set_actor_rigid_shape_properties(self, env: Env, actor: int, properties: list[RigidShapeProperties]) -> bool:
-        """Of one actor, at any time."""
+        """Set the properties of one actor's shapes, at any time."""
         where = "set_actor_rigid_shape_properties"
         found = actor_of(env, actor, where)
         before = found.surfaces
@@ -61,7 +61,7 @@ class PropertyCalls:
         return True
 
     def get_actor_rigid_body_properties(self, env: Env, actor: int) -> list[RigidBodyProperties]:
-        """Of all of its bodies; copies."""
+        """Return the properties of all bodies; copies."""
         return to_masses(actor_of(env, actor, "get_actor_rigid_body_properties").masses)
 
     def set_actor_rigid_body_properties(
@@ -80,7 +80,7 @@ class PropertyCalls:
         return True
 
     def get_asset_actuator_properties(self, asset: Asset) -> list[ActuatorProperties]:
-        """Of the motors of an MJCF file, in its order; other assets have none."""
+        """Return the properties of an MJCF file's motors, in its order; other assets have none."""
         motors = asset_of(asset, "get_asset_actuator_properties").extras.motors
         return [replace(one) for one in motors]
 
@@ -92,7 +92,7 @@ class PropertyCalls:
         return one_at(asset_of(asset, where).extras.motors, index, where).name
 
     def get_asset_actuator_joint_name(self, asset: Asset, index: int) -> str:
-        """Of what it moves."""
+        """Return the name of the joint that an actuator moves."""
         where = "get_asset_actuator_joint_name"
         return one_at(asset_of(asset, where).extras.motors, index, where).joint
 
@@ -101,7 +101,7 @@ class PropertyCalls:
         return names.index(name) if name in names else INVALID_HANDLE
 
     def get_actor_actuator_properties(self, env: Env, actor: int) -> list[ActuatorProperties]:
-        """Of the motors of its asset, as those that follow are."""
+        """Return the properties of the motors of the actor's asset, as the methods below do."""
         return self.get_asset_actuator_properties(actor_of(env, actor, "get_actor_actuator_properties").asset)
 
     def get_actor_actuator_count(self, env: Env, actor: int) -> int:
@@ -117,7 +117,7 @@ class PropertyCalls:
         return self.find_asset_actuator_index(actor_of(env, actor, "find_actor_actuator_index").asset, name)
 
     def get_asset_tendon_count(self, asset: Asset) -> int:
-        """Of an MJCF file; other assets have none."""
+        """Return the number of tendons of an MJCF file; other assets have none."""
         return len(asset_of(asset, "get_asset_tendon_count").extras.tendons)
 
     def get_asset_tendon_name(self, asset: Asset, index: int) -> str:
@@ -125,7 +125,7 @@ class PropertyCalls:
         return one_at(asset_of(asset, where).extras.tendons, index, where)[0]
 
     def get_asset_tendon_properties(self, asset: Asset) -> list[TendonProperties]:
-        """Of all of its tendons; copies."""
+        """Return the properties of all tendons; copies."""
         asset = asset_of(asset, "get_asset_tendon_properties")
         rows = [one for _, one in asset.extras.tendons] if asset.tendons is None else asset.tendons
         return [replace(one) for one in rows]
@@ -139,11 +139,11 @@ class PropertyCalls:
         return True
 
     def get_asset_rigid_body_shape_indices(self, asset: Asset) -> list[IndexRange]:
-        """Which of its shapes that collide each body has."""
+        """Return the range of colliding shapes of each body."""
         return _ranges(asset_of(asset, "get_asset_rigid_body_shape_indices"))
 
     def get_actor_rigid_body_shape_indices(self, env: Env, actor: int) -> list[IndexRange]:
-        """Which of its shapes that collide each body has."""
+        """Return the range of colliding shapes of each body."""
         return _ranges(actor_of(env, actor, "get_actor_rigid_body_shape_indices").asset)
 
     def create_asset_force_sensor(

@@ -29,7 +29,7 @@ RIGID_BODY_ENABLE_GYROSCOPIC_FORCES = 4
 
 @dataclass
 class RigidShapeProperties(Strict):
-    """Of the surface of a shape.
+    """Surface properties of a shape.
 
     Attributes:
         friction: Where it slides; of two surfaces the larger one counts.
@@ -51,7 +51,7 @@ class RigidShapeProperties(Strict):
 
 @dataclass
 class RigidBodyProperties(Strict):
-    """Of the mass of a body.
+    """Mass properties of a body.
 
     Attributes:
         mass: [kg].
@@ -72,7 +72,7 @@ class RigidBodyProperties(Strict):
 
 @dataclass
 class ForceSensorProperties(Strict):
-    """Of a force sensor.
+    """Properties of a force sensor.
 
     Attributes:
         enable_forward_dynamics_forces: Held: only contacts are felt.
@@ -87,7 +87,7 @@ class ForceSensorProperties(Strict):
 
 @dataclass
 class ActuatorProperties(Strict):
-    """Of a motor of an MJCF file.
+    """Properties of a motor of an MJCF file.
 
     Attributes:
         name: Its own.
@@ -114,7 +114,7 @@ class ActuatorProperties(Strict):
 
 @dataclass
 class TendonProperties(Strict):
-    """Of a tendon of an MJCF file. Held."""
+    """Properties of a tendon of an MJCF file. Held."""
 
     stiffness: float = 0.0
     damping: float = 0.0
@@ -177,7 +177,7 @@ def from_surfaces(values: Any, before: np.ndarray, solid: np.ndarray, where: str
 
 
 def idle_changes(rows: np.ndarray, before: np.ndarray) -> list[str]:
-    """Of what has been changed and changes nothing, or not with MuJoCo, a sentence each."""
+    """Return a sentence for each changed value that has no effect, or none with MuJoCo."""
     reasons = dict.fromkeys(HELD, "is held and changes nothing") | dict.fromkeys(XPBD_ALONE, "counts by XPBD alone")
     return [f"{name} {reason}" for name, reason in reasons.items() if (rows[name] != before[name]).any()]
 

@@ -40,7 +40,7 @@ def get_property_getter_map(gym: Any) -> dict[str, Callable[..., Any]]:
 
 
 def get_default_setter_args(gym: Any) -> dict[str, list[Any]]:
-    """What each setter takes beside the properties: inertias grow as masses do."""
+    """Return the arguments of each setter beside the properties: inertias grow as masses do."""
     return {name: [True] if name == "rigid_body_properties" else [] for name in get_property_setter_map(gym)}
 
 
@@ -130,7 +130,7 @@ def check_buckets(gym: Any, envs: Sequence[Any], dr_params: Table) -> None:
 
 
 def _share(table: Table, step: int) -> float:
-    """How far the schedule has come, from 0 to 1."""
+    """Return the progress of the schedule, from 0 to 1."""
     if "schedule" not in table or table["schedule"] is None:
         return 1.0
     last = table["schedule_steps"]

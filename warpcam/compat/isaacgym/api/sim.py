@@ -70,7 +70,7 @@ class SimCalls:
         return sim_of(sim, "get_elapsed_time").time
 
     def get_frame_count(self, sim: Sim) -> int:
-        """How many times ``simulate`` has been called."""
+        """Return the number of calls of ``simulate``."""
         return sim_of(sim, "get_frame_count").steps
 
     def prepare_sim(self, sim: Sim) -> bool:

@@ -80,11 +80,11 @@ class StateCalls:
         return _targets(sim, "forces", values, indices, count, "set_dof_actuation_force_tensor_indexed")
 
     def set_actor_dof_position_targets(self, env: Env, actor: int, values: np.ndarray) -> bool:
-        """Where the joints of one actor are driven to, (dof,)."""
+        """Set the position targets of one actor's joints, (dof,)."""
         return _told(env, actor, "positions", values, "set_actor_dof_position_targets")
 
     def set_actor_dof_velocity_targets(self, env: Env, actor: int, values: np.ndarray) -> bool:
-        """How fast the joints of one actor are driven, (dof,)."""
+        """Set the velocity targets of one actor's joints, (dof,)."""
         return _told(env, actor, "velocities", values, "set_actor_dof_velocity_targets")
 
     def apply_actor_dof_efforts(self, env: Env, actor: int, values: np.ndarray) -> bool:
@@ -92,7 +92,7 @@ class StateCalls:
         return _told(env, actor, "forces", values, "apply_actor_dof_efforts")
 
     def set_dof_target_position(self, env: Env, dof: int, value: float) -> None:
-        """Where one joint is driven to; its handle counts those of the environment."""
+        """Set the position target of one joint; its handle counts those of the environment."""
         _told_one(env, dof, "positions", value, "set_dof_target_position")
 
     def set_dof_target_velocity(self, env: Env, dof: int, value: float) -> None:
@@ -126,7 +126,7 @@ class StateCalls:
         return _kept(numbers, flags, 7, rows)
 
     def get_rigid_transform(self, env: Env, body: int) -> Transform:
-        """Where a body of that handle is now, in its environment's frame."""
+        """Return the present pose of the body of that handle, in its environment's frame."""
         env = env_of(env, "get_rigid_transform")
         return env.place(env.body(body, "get_rigid_transform"))
 

@@ -23,7 +23,7 @@ _memory: weakref.WeakValueDictionary[int, torch_interop.Tensor] = weakref.WeakVa
 
 
 class Tensor:
-    """What is known of a tensor, and the memory itself, which it keeps alive.
+    """Description of a tensor, with its memory, which it keeps alive.
 
     Attributes:
         data_ptr: Where it is.
@@ -91,7 +91,7 @@ def _part(view: torch_interop.Tensor, offsets: Any, counts: Any, where: str) -> 
 
 
 def unwrap(tensor: Any) -> Tensor:
-    """What calls that set states take, of a torch tensor; its memory is read, never kept."""
+    """Return the description of a torch tensor that calls which set states take; its memory is read, never kept."""
     if not isinstance(tensor, torch_interop.Tensor):
         raise WarpcamError(f"unwrap_tensor: a torch tensor is needed, got {type(tensor).__name__}")
     if str(tensor.dtype) not in DTYPES:

@@ -66,7 +66,7 @@ NAMES = {
 
 
 def why_missing(name: str) -> str:
-    """What to tell of a name that is not there."""
+    """Return the message for a name that does not exist."""
     reasons = [f"gymapi.{name} is not here: {reason}" for start, reason in NAMES.items() if name.startswith(start)]
     return reasons[0] if reasons else f"gymapi has no {name!r}"
 

@@ -50,7 +50,7 @@ class Dof:
 
 
 class Asset:
-    """What actors are made of.
+    """Template of actors.
 
     Attributes:
         builder: Holds one of it, its first body at the origin.

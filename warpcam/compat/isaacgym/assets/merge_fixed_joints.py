@@ -43,7 +43,7 @@ class Builder(newton.ModelBuilder):
         return found
 
     def _set_inertia(self, body: int, masses: np.ndarray, centers: np.ndarray, inertias: np.ndarray) -> None:
-        """Of parts, along the body's axes, each about its own centre."""
+        """Set the inertia of several parts, along the body's axes, each about its own centre."""
         center = masses @ centers / masses.sum()
         levers = centers - center
         squares = (levers * levers).sum(axis=1)[:, None, None] * np.eye(3) - levers[:, :, None] * levers[:, None]

@@ -1,4 +1,4 @@
-"""What MuJoCo's files say beside bodies and joints: motors and tendons."""
+"""Parts of MuJoCo's files beside bodies and joints: motors and tendons."""
 
 import re
 from functools import cached_property
@@ -15,7 +15,7 @@ INCLUDE = re.compile(r"""<include\s+file=["']([^"']+)["']""")
 
 
 class MjcfDetails:
-    """Of one file, which is read when they are first asked for: MuJoCo makes a whole model of it.
+    """Motors and tendons of one file, which is read when they are first asked for: MuJoCo makes a whole model of it.
 
     Args:
         path: Of any file, or None. Those that are no MJCF have none.

@@ -1,4 +1,4 @@
-"""What environments look like: colours, textures, ids and lights, and the models that cameras look at."""
+"""Appearance of environments: colours, textures, ids and lights, and the models that cameras look at."""
 
 import logging
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class DirectionalLight:
 
 @dataclass
 class Appearance:
-    """What can be written at any time, for all environments.
+    """Appearance that can be written at any time, for all environments.
 
     Attributes:
         lamps: By index.
@@ -97,7 +97,7 @@ class EnvironmentScene:
 
     @property
     def poses(self) -> wp.array:
-        """Of its bodies, in their environments' frames, as of the last ``update``."""
+        """Return the poses of the bodies, in their environments' frames, as of the last ``update``."""
         poses = self._state.body_q
         return wp.empty(0, dtype=wp.transform, device=self._physics.device) if poses is None else poses
 

@@ -74,7 +74,7 @@ class Batch:
         )
 
     def record(self, arrays: Any) -> Stage:
-        """What writes where the cameras are into a renderer's arrays, from the poses of the view's bodies."""
+        """Return the stages that write camera poses into a renderer's arrays, from the poses of the view's bodies."""
         into = [torch_interop.as_array(arrays.position), torch_interop.as_array(arrays.rotation)]
         inputs = [self.view.poses, self._modes, self._bodies, self._offsets, self._turn, *into]
         return bind_launch(kernels.place_cameras, len(self.sensors), inputs, self.device)
@@ -92,7 +92,7 @@ class Batch:
 
 
 class ImageBuffers:
-    """Where the images of one type of a batch's cameras go.
+    """Buffers of one image type of a batch's cameras.
 
     Attributes:
         images: (world, height, width, channels), or None where each camera has memory of its own.
@@ -109,7 +109,7 @@ class ImageBuffers:
             self.images = torch_interop.to_torch(wp.zeros(shape, dtype=DTYPES[kind], device=batch.device))
 
     def record(self, renderer: wc.Renderer) -> Stage:
-        """What writes them from a renderer's images of the batch."""
+        """Return the stages that fill the buffers from a renderer's images of the batch."""
         batch, kind, device = self.batch, self.kind, self.batch.device
         sources = [renderer.array(batch.name, name) for name in NEEDS[kind]]
         first = sources[0]

@@ -1,4 +1,4 @@
-"""What Isaac Gym's front end does on the device: states to and from its tensors, where its cameras are, its images.
+"""Kernels of Isaac Gym's front end: states to and from its tensors, camera poses, images.
 
 States of bodies and actors are rows of 13: position, quaternion x y z w, linear and angular velocity. What is read by
 place is one row for each body, actor, degree of freedom or camera.
@@ -213,7 +213,7 @@ def write_ids(
 
 @wp.func
 def coded(pixels: wp.float32, size: wp.float32) -> wp.int16:
-    """Of 2^15 parts of the image's size."""
+    """Return a flow component in 2^15 parts of the image's size."""
     return wp.int16(wp.clamp(wp.round(pixels * 32768.0 / size), -MAX_FLOW, MAX_FLOW))
 
 

@@ -22,7 +22,7 @@ SPACES = {
 
 
 class AppliedForces:
-    """What is to be added to the forces on a model's bodies in the next step.
+    """Forces to add to those on a model's bodies in the next step.
 
     Args:
         model: What is simulated.
@@ -40,7 +40,7 @@ class AppliedForces:
         self._origins = wp.array(origins.astype(np.float32), dtype=wp.vec3, device=device)
 
     def add(self, state: newton.State, space: CoordinateSpace, where: str, **given: Any) -> None:
-        """Of all bodies: ``forces``, ``torques`` and ``places``, descriptions of (body, 3), or None."""
+        """Add to all bodies: ``forces``, ``torques`` and ``places``, descriptions of (body, 3), or None."""
         shape = (self._model.body_count, 3)
         arrays = {
             name: take(value, f"{where}: {name}", wp.float32, shape, self._model.device)
@@ -50,7 +50,7 @@ class AppliedForces:
         self._launch(state, space, self._all, arrays)
 
     def add_one(self, state: newton.State, space: CoordinateSpace, body: int, **given: Vec3 | None) -> None:
-        """Of one body, the model's."""
+        """Add to one body of the model."""
         device = self._model.device
         arrays = {
             name: wp.array([tuple(value)], dtype=wp.float32, device=device)

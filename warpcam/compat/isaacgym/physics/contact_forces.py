@@ -13,7 +13,7 @@ from warpcam.core.errors import WarpcamError
 
 
 class ContactForces:
-    """What contacts do to the bodies of a model.
+    """Forces of contacts on the bodies of a model.
 
     Attributes:
         felt: (body, 6) float32, force [N] and its moment about the origin [N m] in the frame of each body's world.

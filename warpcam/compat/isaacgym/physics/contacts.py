@@ -16,7 +16,7 @@ from warpcam.core.errors import WarpcamError
 
 @dataclass(frozen=True)
 class ContactList:
-    """What MuJoCo knows of contacts.
+    """Contacts as MuJoCo reports them.
 
     Attributes:
         geoms: (contact, 2).

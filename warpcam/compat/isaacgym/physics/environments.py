@@ -1,4 +1,4 @@
-"""What a program has put into its environments, and Newton models of it."""
+"""Contents of a program's environments, and Newton models of them."""
 
 import weakref
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ Apart = tuple[tuple[int, ...], tuple[tuple[int, int], ...]]
 
 @dataclass
 class Counts:
-    """How much of each there is: of an actor, an environment or all, or before it."""
+    """Numbers of bodies, shapes and joints: of an actor, an environment or all, or before it."""
 
     actors: int = 0
     bodies: int = 0
@@ -143,7 +143,7 @@ class Env:
         return place
 
     def place(self, body: int) -> Transform:
-        """Where a body is now, in this environment's frame; waits for the device."""
+        """Return the present pose of a body, in this environment's frame; waits for the device."""
         if self.sim.prepared:
             first = self.start.bodies + body
             row = torch_interop.to_numpy(self.sim.physics.state.body_q[first : first + 1])[0]
@@ -166,7 +166,7 @@ class Env:
         return sim
 
     def before(self) -> Counts:
-        """What is in the environments before it, as of now."""
+        """Return the counts of all environments before this one, as of now."""
         if self.sim.prepared:
             return self.start
         return self.sim.total_before(self)
@@ -180,7 +180,7 @@ def handle_of(value: Any, count: int) -> int | None:
 
 @dataclass
 class Grounds:
-    """What stands in no environment and is seen from all."""
+    """Objects that stand in no environment and are seen from all."""
 
     planes: list[PlaneParams] = field(default_factory=list)
     terrains: list[Terrain] = field(default_factory=list)
@@ -189,13 +189,13 @@ class Grounds:
         return len(self.planes) + len(self.terrains)
 
     def moved(self, origin: Vec3) -> bool:
-        """Whether they are elsewhere in the frame of an environment whose origin is there."""
+        """Return whether the objects move in the frame of an environment with that origin."""
         level = all(plane.normal.dot(origin) == 0.0 for plane in self.planes)
         return not level or bool(self.terrains and any(origin))
 
     @property
     def differ(self) -> bool:
-        """Whether something is seen that is another thing to what collides with it."""
+        """Return whether a visible object differs from the one that collides."""
         return any(terrain.seen is not terrain.felt for terrain in self.terrains)
 
     @property
@@ -206,7 +206,7 @@ class Grounds:
 
 @dataclass(frozen=True)
 class Spot:
-    """Where a model's shapes are in a list of all shapes of all environments.
+    """Start of a model's shapes in a list of all shapes of all environments.
 
     Attributes:
         shapes: (shape,) int64, or -1 - n for ground n.
@@ -263,7 +263,10 @@ def _shapes_of(env: Env) -> np.ndarray:
 
 
 def collide_alike(envs: Sequence[Env]) -> bool:
-    """Whether the same actors are kept apart in each environment: MuJoCo keeps apart what the first one does."""
+    """Return whether collisions between actors are filtered alike in all environments.
+
+    MuJoCo filters as the first does.
+    """
     return len({_apart_in(env) for env in envs}) <= 1
 
 

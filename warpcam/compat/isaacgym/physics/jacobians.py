@@ -31,7 +31,7 @@ class ArticulationTrees:
 
 
 class JacobianArrays:
-    """Of the actors of a model, both along the world's axes and about bodies' centres of mass.
+    """Jacobians and mass matrices of a model's actors, along the world's axes and about bodies' centres of mass.
 
     Args:
         model: What is simulated.

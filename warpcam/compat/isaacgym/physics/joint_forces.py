@@ -11,7 +11,7 @@ from warpcam.core.errors import WarpcamError
 
 
 class JointForces:
-    """What drives and programs do to the degrees of freedom of a model.
+    """Forces of drives and programs on the degrees of freedom of a model.
 
     Args:
         model: What is simulated.

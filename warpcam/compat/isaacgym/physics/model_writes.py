@@ -1,4 +1,4 @@
-"""What programs set of joints, surfaces and masses, written into the model that is simulated."""
+"""Writers of joints', surfaces' and masses' properties into the model that is simulated."""
 
 from collections.abc import Sequence
 from typing import Any

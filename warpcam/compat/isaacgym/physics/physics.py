@@ -213,7 +213,7 @@ class Physics:
             self._place()
 
     def set_targets(self, kind: str, value: Any, chosen: Any, count: int | None, where: str) -> None:
-        """Of "positions", "velocities" or "forces", (dof,)."""
+        """Set the targets "positions", "velocities" or "forces", (dof,)."""
         values = take(value, where, wp.float32, (self.total.dofs,), self.device)
         which = self._chosen(chosen, count, where)
         places, into = {
@@ -227,7 +227,7 @@ class Physics:
             kernels.launch(kernels.write_targets, len(which), inputs, self.device)
 
     def contacts(self, where: str) -> np.ndarray:
-        """Of the last step, see ``contacts_of``; waits for the device once a step."""
+        """Return the contacts of the last step, see ``contacts_of``; waits for the device once a step."""
         if self._listed is None:
             with torch_interop.in_order(self.device):
                 self._listed = contacts_of(self._solver, self.model, self._other, self._envs, where)
@@ -239,7 +239,7 @@ class Physics:
             self._pushing().add(self.state, space, where, **given)
 
     def push_one(self, space: CoordinateSpace, body: int, **given: Vec3 | None) -> None:
-        """Likewise on one of all bodies."""
+        """Add a force to one body, counted among all bodies."""
         with torch_interop.in_order(self.device):
             self._pushing().add_one(self.state, space, body, **given)
 
@@ -324,7 +324,7 @@ class Physics:
         self.stale.clear()
 
     def _read_places(self) -> None:
-        """Where actors, bodies and degrees of freedom are in the model's arrays."""
+        """Find the columns of actors, bodies and degrees of freedom in the model's arrays."""
         coordinates: list[int] = []
         speeds: list[int] = []
         first_dofs = [0]

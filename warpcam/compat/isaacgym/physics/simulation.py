@@ -22,7 +22,7 @@ DAYLIGHT = DirectionalLight((0.85, 0.85, 0.85), (0.25, 0.25, 0.25), (0.5, -0.5, 
 
 
 class Sim:
-    """What ``create_sim`` gives.
+    """Simulation that ``create_sim`` returns.
 
     Attributes:
         device: Where all of it is simulated and drawn.
@@ -73,7 +73,7 @@ class Sim:
             self._physics.set_gravity(self.gravity)
 
     def total_before(self, env: Env) -> Counts:
-        """What is in the environments before one, as of now."""
+        """Return the counts of all environments before one, as of now."""
         if env is not self.envs[-1]:
             return sum((other.counts for other in self.envs[: env.index]), Counts())
         # As programs mostly ask, of the newest one: what has been summed already is.
@@ -121,6 +121,6 @@ def env_of(value: Any, where: str) -> Env:
 
 
 def _lying(lamp: DirectionalLight) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
-    """The same where y is up."""
+    """Rotate the terrain to y up."""
     x, y, z = lamp.direction
     return lamp.intensity, lamp.ambient, (x, z, -y)

@@ -75,7 +75,7 @@ def seen_from_above(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, 
 
 
 def is_convex(points: np.ndarray, faces: np.ndarray) -> bool:
-    """Whether a small mesh is a closed body whose hull is the same: no face has vertices on both of its sides."""
+    """Return whether a small mesh is a convex closed body: no face has vertices on both of its sides."""
     if len(points) * len(faces) > MOST:
         return False
     _, same = np.unique(points, axis=0, return_inverse=True)

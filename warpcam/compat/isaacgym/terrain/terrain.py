@@ -17,7 +17,7 @@ from warpcam.core.errors import WarpcamError
 
 @dataclass(frozen=True)
 class TerrainShape:
-    """What a terrain is made of.
+    """Shape of a terrain.
 
     Attributes:
         source: Newton's.
@@ -109,7 +109,7 @@ def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:
 
 
 def _field(heights: np.ndarray, first: np.ndarray, steps: np.ndarray) -> TerrainShape:
-    """Of heights by x and y, the first of which is there [m]."""
+    """Return the height field of heights by x and y, the first of which is there [m]."""
     count_x, count_y = heights.shape
     half = 0.5 * steps * (count_x - 1, count_y - 1)
     # Newton's rows are along y, and its frame is in the middle.
