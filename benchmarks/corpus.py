@@ -21,10 +21,10 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.sources import load_file as files
+from warpcam.sources import load_file
 from warpcam.sources.mujoco import batch_file
 
-SUFFIXES = (*files.USD, *files.MESHES, ".urdf")
+SUFFIXES = (*load_file.USD, *load_file.MESHES, ".urdf")
 FINE = ("rendered", "refused")
 SIZE = 64  # of the image [pixels]
 

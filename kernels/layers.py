@@ -36,8 +36,8 @@ class LayerTables:
     Attributes:
         mirrors: int32, ids of the shapes that may reflect, ascending.
         reflectance: float32, (material,).
-        veils: int32, ids of the shapes that may be transparent, ascending.
-        veil_places: int32, (shape,) where it stands in ``veils``, or -1.
+        transparent_shapes: int32, ids of the shapes that may be transparent, ascending.
+        transparent_index: int32, (shape,) where it stands in ``veils``, or -1.
         reach: float32, (shape,) radius of a sphere around its position that holds it [m]; infinite for planes,
             negative where it follows from type and size.
         haze: Haze, or None.
@@ -45,15 +45,15 @@ class LayerTables:
 
     mirrors: wp.array
     reflectance: wp.array
-    veils: wp.array
-    veil_places: wp.array
+    transparent_shapes: wp.array
+    transparent_index: wp.array
     reach: wp.array
     haze: Any = None
 
     @property
-    def reflect(self) -> bool:
+    def has_mirrors(self) -> bool:
         return self.mirrors.size > 0
 
     @property
-    def veiled(self) -> bool:
-        return self.veils.size > 0
+    def has_transparent(self) -> bool:
+        return self.transparent_shapes.size > 0

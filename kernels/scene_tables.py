@@ -8,7 +8,7 @@ from warpcam.kernels.layers import LayerTables
 
 
 @dataclass(frozen=True, eq=False)
-class Tables:
+class SceneTables:
     """Warp structs of one scene (see types.py) and the host facts that choose what is compiled.
 
     The struct fields are instances of the structs in types.py.
@@ -43,7 +43,7 @@ class Tables:
     splat_limits: Any = None
     moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
-    variety: Any = None  # Variety, if worlds have more for themselves than the tables say
+    world_overrides: Any = None  # Variety, if worlds have more for themselves than the tables say
     headlights: bool = False  # each world has a headlight of its own: see native/shading/world_overrides.h
     casters: Any = None  # as `shapes`, but of those that are drawn the ones that cast shadows; None: all of them do
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

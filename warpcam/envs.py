@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.camera.lens_tables import TableLens
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.render.renderer import Renderer
@@ -107,7 +107,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
                 "PixelObservation: two images have one key '{camera}_{output}'; rename the cameras, which are "
                 + cameras
             )
-        behind = [camera for camera, asked in renderer._cameras.items() if isinstance(asked.lens, TableLens)]
+        behind = [camera for camera, asked in renderer._cameras.items() if isinstance(asked.lens, RayTableLens)]
         self._behind = {f"{camera}_depth" for camera in behind}  # what is behind a camera has a negative depth
         own = _mode_of(env)
         self._mode = _check_mode(own, autoreset_mode, final_images)

@@ -3,15 +3,15 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from warpcam.kernels.runtime.streams import context_kept
+from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.scene.file_scene import DrivenScene
-from warpcam.scene.layers import choice_of
+from warpcam.scene.layers import check_tristate
 from warpcam.scene.light import Light
 from warpcam.scene.scene import Scene
 from warpcam.sources.common.optional import import_source
 
 
-@context_kept()
+@preserve_cuda_context()
 def from_mujoco_warp(
     mjm: Any,
     m: Any,
@@ -45,12 +45,12 @@ def from_mujoco_warp(
             is drawn solid.
     """
     scene: Scene = import_source("mujoco.device").load(
-        mjm, m, d, groups, draw, reflections, choice_of("transparency", transparency)
+        mjm, m, d, groups, draw, reflections, check_tristate("transparency", transparency)
     )
     return scene
 
 
-@context_kept()
+@preserve_cuda_context()
 def from_mujoco(
     mjm: Any,
     mjd: Any,
@@ -75,12 +75,12 @@ def from_mujoco(
         transparency: As ``from_mujoco_warp`` has it.
     """
     scene: Scene = import_source("mujoco.host").load(
-        mjm, mjd, groups, device, draw, reflections, choice_of("transparency", transparency)
+        mjm, mjd, groups, device, draw, reflections, check_tristate("transparency", transparency)
     )
     return scene
 
 
-@context_kept()
+@preserve_cuda_context()
 def from_newton(
     model: Any,
     state: Any,
@@ -120,7 +120,7 @@ def from_newton(
     return scene
 
 
-@context_kept()
+@preserve_cuda_context()
 def from_usd(
     path_or_stage: Any,
     num_worlds: int = 1,
@@ -172,7 +172,7 @@ def from_usd(
     return scene
 
 
-@context_kept()
+@preserve_cuda_context()
 def load(
     path: Any,
     num_worlds: int = 1,
@@ -197,8 +197,8 @@ def load(
         textures: More images for ``DrivenScene.set_textures``.
         transparency: As ``from_newton`` has it.
     """
-    from warpcam.sources import load_file as files
+    from warpcam.sources import load_file
 
-    return files.load(
+    return load_file.load(
         path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency
     )

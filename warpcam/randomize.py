@@ -75,7 +75,7 @@ class Choice:
     rows: Sequence[int] | None = None
 
 
-class Recipes:
+class Randomizer:
     """What has been drawn of one target: its arrays, and the stages that draw."""
 
     def __init__(self, num_worlds: int, device: wp.Device):
@@ -98,7 +98,7 @@ class Recipes:
         return stage
 
 
-_recipes: "WeakKeyDictionary[Any, Recipes]" = WeakKeyDictionary()
+_randomizers: "WeakKeyDictionary[Any, Randomizer]" = WeakKeyDictionary()
 
 
 def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any) -> None:
@@ -124,9 +124,9 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
         raise WarpcamError(f"randomize: target must be a scene or renderer.camera(...), got {type(target).__name__}")
     if not recipes:
         raise WarpcamError("randomize: no recipe came; give some, like light_intensity=(0.5, 1.5)")
-    if target not in _recipes:
-        _recipes[target] = Recipes(num_worlds, device)
-    state = _recipes[target]
+    if target not in _randomizers:
+        _randomizers[target] = Randomizer(num_worlds, device)
+    state = _randomizers[target]
     capturing = torch_interop.is_capturing(device)
     given = _seeds(state, seed)
     seeds = state.seeds[1 if given is None else len(given)]
@@ -144,7 +144,7 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
             stage.launch()
 
 
-def _seeds(state: Recipes, seed: Any) -> wp.array | None:
+def _seeds(state: Randomizer, seed: Any) -> wp.array | None:
     """The array that was given, None for a number."""
     array = torch_interop.as_array(seed)
     if array is None:
@@ -160,7 +160,7 @@ def _seeds(state: Recipes, seed: Any) -> wp.array | None:
     return array
 
 
-def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array, capturing: bool) -> Stage:
+def _stage(state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.array, capturing: bool) -> Stage:
     if isinstance(recipe, tuple) and len(recipe) == 2:
         recipe = Uniform(*recipe)
     elif isinstance(recipe, list):
@@ -182,7 +182,7 @@ def _stage(state: Recipes, target: Any, name: str, recipe: Any, seeds: wp.array,
         if capturing:
             raise WarpcamError(f"randomize: a capture is under way, and {name} is new; call it once before")
         stage = _record(state, target, name, recipe, what, rows, seeds)
-        stage.bind()
+        stage.prepare()
     return state.keep(key, stage, capturing)
 
 
@@ -222,7 +222,7 @@ def _array(target: Any, name: str) -> tuple[wp.array, tuple[int, ...]]:
 
 
 def _record(
-    state: Recipes,
+    state: Randomizer,
     target: Any,
     name: str,
     recipe: Uniform | Choice,
@@ -264,7 +264,7 @@ def _record(
             raise WarpcamError(f"randomize: {name}: a choice of on and off takes 1 and 0, got {recipe.values!r}")
         choices = wp.array(np.array(what[0]), dtype=wp.int32, device=device)
         column = ROLE_COLOR if name == "material_texture" else 0
-        return kernels.record_draw(draw, out, choices, device, column)
+        return kernels.bind_draw(draw, out, choices, device, column)
     shapes, bounds = zip(*what[:2], strict=True)
     low, high = (numbers * width if len(numbers) == 1 else numbers for numbers in bounds)
     if recipe.of == "turn" and (name not in TURNED or not set(shapes) <= {(), (1,)}):
@@ -284,7 +284,7 @@ def _record(
     draw.low, draw.high = (wp.array(np.array(values), dtype=wp.float32, device=device) for values in (low, high))
     draw.kind, draw.linked = KINDS[recipe.of], int(recipe.linked)
     if recipe.of == "value":
-        return kernels.record_draw(draw, out, out, device)
+        return kernels.bind_draw(draw, out, out, device)
     if name not in state.nominal:
         state.nominal[name] = wp.clone(out)
-    return kernels.record_draw(draw, out, state.nominal[name], device)
+    return kernels.bind_draw(draw, out, state.nominal[name], device)

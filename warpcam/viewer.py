@@ -25,7 +25,7 @@ SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
 QUALITY = 85  # of the pictures, which are sent as JPEG
 
 
-class Eye(NamedTuple):
+class ClientCamera(NamedTuple):
     """A page's camera, in viser's words: it looks along its +Z, with +X right and +Y down.
 
     Attributes:
@@ -41,7 +41,7 @@ class Eye(NamedTuple):
     aspect: float
 
 
-class Choice(NamedTuple):
+class ViewSelection(NamedTuple):
     """What the controls beside the picture say, the same for all pages."""
 
     output: str
@@ -81,9 +81,9 @@ class Viewer:
             raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
         self._scene, self._width, self._height = scene, int(width), int(height)
         self._renderer: tuple[str, str, Renderer] | None = None
-        self._shown: dict[int, tuple[Choice, Eye]] = {}
+        self._shown: dict[int, tuple[ViewSelection, ClientCamera]] = {}
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
-        self._renderer_of(Choice("rgb", FREE, 0))
+        self._renderer_of(ViewSelection("rgb", FREE, 0))
         lower, upper = scene.bounds()
         start = batch_file.free_camera(None, lower, upper, width / height)
         self.server = viser.ViserServer(host, int(port), label="warpcam", verbose=False)
@@ -108,20 +108,20 @@ class Viewer:
         Args:
             moved: False draws only for those whose camera or choice is another one than in their last picture.
         """
-        choice = Choice(str(self._output.value), str(self._camera.value), int(self._world.value))
+        choice = ViewSelection(str(self._output.value), str(self._camera.value), int(self._world.value))
         clients = self.server.get_clients()
         self._shown = {number: shown for number, shown in self._shown.items() if number in clients}
         sent = 0
         for number, client in clients.items():
             camera = client.camera
-            eye = Eye(tuple(camera.position), tuple(camera.wxyz), float(camera.fov), float(camera.aspect))
+            eye = ClientCamera(tuple(camera.position), tuple(camera.wxyz), float(camera.fov), float(camera.aspect))
             if moved or self._shown.get(number) != (choice, eye):
                 client.scene.set_background_image(self.picture(choice, eye), "jpeg", jpeg_quality=QUALITY)
                 self._shown[number] = choice, eye
                 sent += 1
         return sent
 
-    def picture(self, choice: Choice, eye: Eye) -> np.ndarray:
+    def picture(self, choice: ViewSelection, eye: ClientCamera) -> np.ndarray:
         """What a page shows, (height, width, 3) uint8: wider or higher with borders around a scene's camera."""
         renderer = self._renderer_of(choice)
         key = next(iter(renderer.images))
@@ -135,7 +135,7 @@ class Viewer:
         """End the page."""
         self.server.stop()
 
-    def _renderer_of(self, choice: Choice) -> Renderer:
+    def _renderer_of(self, choice: ViewSelection) -> Renderer:
         """The renderer for an output and a camera; made where the last picture had others."""
         if self._renderer is None or self._renderer[:2] != (choice.output, choice.camera):
             self._renderer = None  # its memory first
@@ -154,7 +154,7 @@ class Viewer:
             self._renderer = choice.output, choice.camera, Renderer(self._scene, [camera])
         return self._renderer[2]
 
-    def _place(self, renderer: Renderer, world: int, eye: Eye) -> None:
+    def _place(self, renderer: Renderer, world: int, eye: ClientCamera) -> None:
         """Put the free camera of a world where a page looks from; its pixels are as wide as the window makes them."""
         w, x, y, z = eye.wxyz
         high = 0.5 * self._height / np.tan(0.5 * eye.fov)

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import BLOCK, native_module
+from warpcam.kernels.runtime.launch import BLOCK_DIM, native_module
 from warpcam.kernels.types import Meshes
 
 
@@ -30,12 +30,12 @@ def kernel() -> wp.Kernel:
     return horizons
 
 
-def are_kept(device: wp.Device) -> bool:
+def uses_horizon_maps(device: wp.Device) -> bool:
     """Whether scenes of the device have horizons: finding them takes a core of a CPU longer than building trees."""
     return bool(device.is_cuda)
 
 
-def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
+def build_horizon_maps(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None:
     """Write the horizons of all faces of all meshes into ``meshes.faces``.
 
     Args:
@@ -45,4 +45,4 @@ def find_horizons(meshes: Meshes, owners: np.ndarray, device: wp.Device) -> None
     """
     if len(owners):
         inputs = [meshes, wp.array(owners, dtype=wp.int32, device=device)]
-        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK)
+        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK_DIM)

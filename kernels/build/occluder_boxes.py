@@ -5,10 +5,10 @@ import functools
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import BLOCK, native_module
+from warpcam.kernels.runtime.launch import BLOCK_DIM, native_module
 from warpcam.kernels.types import Meshes
 
-SHUTTERS, ROWS = 32, 3  # native/shadow/occluder_boxes.h
+MAX_OCCLUDER_BOXES, ROWS = 32, 3  # native/shadow/occluder_boxes.h
 TURNS, SLABS = 4, 24  # native/build/occluder_builder.h
 
 
@@ -48,7 +48,7 @@ def kernel() -> wp.Kernel:
     return shutters
 
 
-def find_shutters(
+def build_occluder_boxes(
     meshes: Meshes, open_faces: np.ndarray, owners: np.ndarray, faces: np.ndarray, device: wp.Device
 ) -> tuple[np.ndarray, np.ndarray]:
     """The best shutter over each of some faces.
@@ -70,7 +70,7 @@ def find_shutters(
     def tried(ways: np.ndarray, rows: wp.array) -> np.ndarray:
         worths = wp.empty(ways.shape, dtype=wp.float32, device=device)
         inputs = [meshes, *given, wp.array(ways, dtype=wp.int32, device=device), worths, rows]
-        wp.launch(kernel(), ways.shape, inputs, device=device, block_dim=BLOCK)
+        wp.launch(kernel(), ways.shape, inputs, device=device, block_dim=BLOCK_DIM)
         found: np.ndarray = worths.numpy()
         return found
 

@@ -12,10 +12,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.visibility import LENSES, THREADS, region_size
-from warpcam.kernels.runtime.flatten import flat
-from warpcam.kernels.runtime.launch import Group, Stage, native_module
-from warpcam.kernels.runtime.launch import record as record_launch
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.flatten import flatten
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
 
 # Where samples lie in a pixel, right and down of its centre [pixels]: those of OpenGL's implementations.
@@ -62,12 +61,12 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return SmoothTarget
 
 
-def _by_words(tables: Tables, images: Collection[str], width: int, height: int) -> bool:
+def _by_words(tables: SceneTables, images: Collection[str], width: int, height: int) -> bool:
     """Whether colours are loaded by words, of scenes that gain by it."""
     return MESH in tables.shape_types and "hdr" not in images and width * height % 4 == 0 and width >= 3
 
 
-def in_place(tables: Tables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
+def in_place(tables: SceneTables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
     """Whether images are smoothed where they were lit, without a buffer of their colours."""
     if not device.is_cuda or not _by_words(tables, images, width, height):
         return False
@@ -79,7 +78,7 @@ def wave(device: wp.Device) -> int:
     return device.sm_count * BLOCKS_IN_PLACE
 
 
-def _block(tables: Tables, shape_dtype: Any, placed: bool) -> tuple[int, int]:
+def _block(tables: SceneTables, shape_dtype: Any, placed: bool) -> tuple[int, int]:
     """Threads of a thread block, and how many blocks a multiprocessor is to hold."""
     if placed:
         return THREADS_IN_PLACE, BLOCKS_IN_PLACE
@@ -134,10 +133,10 @@ def _kernel(
     return smooth_edges
 
 
-def record(
+def bind(
     images: Mapping[str, wp.array],
     lit: Mapping[str, wp.array],
-    tables: Tables,
+    tables: SceneTables,
     lens: str,
     views: wp.array,
     mask: wp.array,
@@ -171,11 +170,11 @@ def record(
     wanted = 0
     for bit, name in enumerate(IMAGES):
         if name in images:
-            setattr(target, name, flat(lit[name]))
-            setattr(target, f"smooth_{name}", flat(images[name]))
+            setattr(target, name, flatten(lit[name]))
+            setattr(target, f"smooth_{name}", flatten(images[name]))
             wanted |= 1 << bit
     types = sum(1 << t for t in tables.shape_types)
-    region = region_size(tables, group.at_once, width, height, device)
+    region = region_size(tables, group.concurrent_worlds, width, height, device)
     if device.is_cuda and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
         region = min(region, REGION)
     placed = in_place(tables, images, width, height, device)
@@ -188,4 +187,4 @@ def record(
     kernel = _kernel(types, LENSES[lens], *region, wanted, by_words, placed, block, target_type)
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    return record_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)
+    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)

@@ -9,18 +9,18 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, native_module, record
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SCALED, Shapes, View
 
 wp.set_module_options(compiler_flags())
 
-ROWS, MOVING_ROWS = 4, 7  # of a shape in Trail.motions, without and with meshes that move
-BRIEF_SHAPES = 255  # as many have an id in eight bits, beside none
+ROWS, MOVING_ROWS = 4, 7  # of a shape in FlowHistory.motions, without and with meshes that move
+MAX_COMPACT_SHAPES = 255  # as many have an id in eight bits, beside none
 
 
 @wp.struct
-class Trail:
+class FlowHistory:
     """What the trace reads of all that and writes."""
 
     flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
@@ -44,7 +44,7 @@ class Trail:
     # the fourth has: part and shift in the steps that the depth then was counted in, the shift with TO_WHOLE added;
     # nearest depth, or -1 where the rows lead to the same pixel; how many steps a metre of the depth now has.
     motions: wp.array2d(dtype=wp.vec4)
-    corners: wp.array(dtype=wp.vec3)  # CornersBefore.corners; this and what follows only where meshes move
+    corners: wp.array(dtype=wp.vec3)  # VertexHistory.corners; this and what follows only where meshes move
     faces: wp.array(dtype=wp.vec4)  # Meshes.faces
     face_start: wp.array(dtype=wp.int32)  # Meshes.face_start
     # (world, 4 for each shape, the first row of all shapes, the second, ...): a shape's position and the rows of its
@@ -53,7 +53,7 @@ class Trail:
     # The same as they are, where the trace or the stage of views composes motions; then both change places, as words do
     after: wp.array2d(dtype=wp.vec4)
     views_before: wp.array(dtype=View)  # (world,)
-    corner_starts: wp.array(dtype=wp.int32)  # CornersBefore.starts; empty where no mesh moves
+    corner_starts: wp.array(dtype=wp.int32)  # VertexHistory.starts; empty where no mesh moves
     keep: wp.int32  # 1: the trace writes `after`
     columns: wp.int32  # shapes
     width: wp.int32
@@ -65,7 +65,7 @@ def write_motion(
     shapes: Shapes,
     views: wp.array(dtype=View),
     mask: wp.array(dtype=wp.uint8),
-    trail: Trail,
+    trail: FlowHistory,
     pinhole: int,
     scaled: int,
     brief: int,
@@ -80,7 +80,7 @@ def write_motions(
     shapes: Shapes,
     views: wp.array(dtype=View),
     mask: wp.array(dtype=wp.uint8),
-    trail: Trail,
+    trail: FlowHistory,
     pinhole: wp.int32,
     scaled: wp.int32,
     brief: wp.int32,
@@ -92,14 +92,14 @@ def write_motions(
 
 
 @wp.kernel(enable_backward=False)
-def forget(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8), first: wp.int32):
+def reset_history(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8), first: wp.int32):
     world = first + wp.tid()
     if mask[world] != wp.uint8(0):
         known[world] = wp.uint8(0)
 
 
-def record_motions(
-    tables: Tables, views: wp.array, mask: wp.array, lens: str, keep: bool, trail: Any, device: wp.Device
+def bind_motions(
+    tables: SceneTables, views: wp.array, mask: wp.array, lens: str, keep: bool, trail: Any, device: wp.Device
 ) -> Stage:
     """Bind the stage that composes how shapes have moved in one camera's image.
 
@@ -108,31 +108,31 @@ def record_motions(
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
-        keep: ``Trail.before`` becomes what is now: so for the last camera.
+        keep: ``FlowHistory.before`` becomes what is now: so for the last camera.
         trail: Trail; its motions are written.
         device: Where all of these lie.
     """
-    facts = (lens == "pinhole", SCALED in tables.shape_types, brief(tables), keep, bool(tables.moving))
+    facts = (lens == "pinhole", SCALED in tables.shape_types, is_compact(tables), keep, bool(tables.moving))
     inputs = [tables.shapes, views, mask, trail, *map(int, facts)]
-    return record(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
+    return bind_launch(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
 
 
-def brief(tables: Tables) -> bool:
+def is_compact(tables: SceneTables) -> bool:
     """Whether what is kept of a pixel has 16 bits, not 32: where all shapes are convex and few."""
     convex = tables.splats is None and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types)
-    return convex and tables.num_shapes <= BRIEF_SHAPES
+    return convex and tables.num_shapes <= MAX_COMPACT_SHAPES
 
 
-def kept_words(tables: Tables, width: int, height: int) -> int:
+def history_words(tables: SceneTables, width: int, height: int) -> int:
     """Numbers of 32 bits in which one image's words are kept: those of strips of eight pixels' width."""
-    return -(-width // 8) * 8 * height // (2 if brief(tables) else 1)
+    return -(-width // 8) * 8 * height // (2 if is_compact(tables) else 1)
 
 
-def motion_rows(tables: Tables) -> int:
-    """Rows of Trail.motions a world; at least those of one shape, which are read where nothing is hit."""
+def motion_rows(tables: SceneTables) -> int:
+    """Rows of FlowHistory.motions a world; at least those of one shape, which are read where nothing is hit."""
     return (MOVING_ROWS if tables.moving else ROWS) * max(tables.num_shapes, 1)
 
 
-def record_forget(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
+def bind_reset(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:
     """Bind the stage after which nothing is known of the worlds that a mask has."""
-    return record(forget, known.shape[0], [known, mask], device)
+    return bind_launch(reset_history, known.shape[0], [known, mask], device)

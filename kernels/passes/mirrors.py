@@ -16,14 +16,13 @@ import warp as wp
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.passes.views import is_finite
 from warpcam.kernels.passes.visibility import LENSES, THREADS, blocks, list_capacity, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, compiler_flags, native_module
-from warpcam.kernels.runtime.launch import record as record_launch
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import BOX, HeightFields, Materials, Meshes, Shapes, View
 
 wp.set_module_options(compiler_flags())
 
-SOLID = 0.995  # opacity from which MuJoCo draws a shape solid
+OPAQUE_ABOVE = 0.995  # opacity from which MuJoCo draws a shape solid
 
 
 @wp.func
@@ -74,7 +73,7 @@ def write_mirrors(
             box = shapes.types[shape] == BOX
             strength = reflectance[material]
             seen = box or wp.dot(axis, view.origin - place) >= 0.0
-            if seen and strength > 0.0 and opacity_of(shapes, materials, world, shape) >= SOLID:
+            if seen and strength > 0.0 and opacity_of(shapes, materials, world, shape) >= OPAQUE_ABOVE:
                 found = shape
                 reflects = strength
                 normal = axis
@@ -169,8 +168,8 @@ def _kernel(
     return reflection
 
 
-def record_mirrors(
-    tables: Tables,
+def bind_mirrors(
+    tables: SceneTables,
     layers: LayerTables,
     views: wp.array,
     mask: wp.array,
@@ -196,11 +195,11 @@ def record_mirrors(
     arguments = [
         tables.shapes, tables.materials, layers.mirrors, layers.reflectance, mask, views, width, mirrors, mirrored
     ]  # fmt: skip
-    return record_launch(write_mirrors, len(group.worlds), arguments, device, start=group.worlds.start)
+    return bind_launch(write_mirrors, len(group.worlds), arguments, device, start=group.worlds.start)
 
 
-def record_trace(
-    tables: Tables,
+def bind_trace(
+    tables: SceneTables,
     layers: LayerTables,
     lens: str,
     mirrored: wp.array,
@@ -222,18 +221,18 @@ def record_trace(
     target_type = _target_struct(shape.dtype, wp.int32 if face is None else face.dtype, seen_shape.dtype)
     target = target_type()
     target.mask, target.faults, target.mirrors = mask, faults, mirrors
-    target.veil_places = layers.veil_places
+    target.veil_places = layers.transparent_index
     target.seen_depth, target.seen_shape = seen_depth.flatten(), seen_shape.flatten()
     target.depth, target.shape = depth.flatten(), shape.flatten()
     if face is not None:
         target.face = face.flatten()
     target.width, target.height = width, height
     types = sum(1 << t for t in tables.shape_types)
-    region = region_size(tables, group.at_once, width, height, device)
+    region = region_size(tables, group.concurrent_worlds, width, height, device)
     several = tables.num_drawn > capacity
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, face is not None, target_type)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, mirrored, target]
-    return record_launch(
+    return bind_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )

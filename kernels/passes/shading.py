@@ -8,11 +8,10 @@ import warp as wp
 
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.passes.visibility import LENSES, THREADS, in_order, region_size
-from warpcam.kernels.passes.world_overrides import EXPOSED, Variety, facts_of
-from warpcam.kernels.runtime.flatten import flat
-from warpcam.kernels.runtime.launch import Group, Stage, native_module
-from warpcam.kernels.runtime.launch import record as record_stage
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.passes.world_overrides import EXPOSED, WorldOverrides, override_flags
+from warpcam.kernels.runtime.flatten import flatten
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MESH,
@@ -38,7 +37,7 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "albedo": (wp.uint8, 3),
 }
 
-VEILED_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
+TRANSPARENT_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
 PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
 QUADS, WHOLE_REGIONS = 1 << 4, 1 << 5  # of an image's size, there; they change nothing on a CPU
 SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
@@ -101,7 +100,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def varied_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+def overridden_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """The same with what worlds have each for itself."""
 
     @wp.struct
@@ -120,13 +119,13 @@ def varied_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         veils: wp.array(dtype=wp.int32)
         reach: wp.array(dtype=wp.float32)
         haze: Haze
-        variety: Variety
+        variety: WorldOverrides
 
     return VariedFrame
 
 
 @wp.struct
-class Images:
+class ShadedImages:
     """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
 
     rgb: wp.array(dtype=wp.uint8)
@@ -153,7 +152,7 @@ def _kernel(
     )
     def resolve(
         frame: frame_type,
-        images: Images,
+        images: ShadedImages,
         shapes: Shapes,
         meshes: Meshes,
         fields: HeightFields,
@@ -168,12 +167,12 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, VEILED_BLOCKS if veils else _blocks(images, facts)),
+        launch_bounds=(THREADS, TRANSPARENT_BLOCKS if veils else _blocks(images, facts)),
         module_options=native_module("shading_pass/shading_pass.h"),
     )
     def write_images(
         frame: frame_type,
-        images: Images,
+        images: ShadedImages,
         shapes: Shapes,
         meshes: Meshes,
         fields: HeightFields,
@@ -188,10 +187,10 @@ def _kernel(
     return write_images
 
 
-def record(
+def bind(
     outputs: Mapping[str, wp.array],
     lens: str,
-    tables: Tables,
+    tables: SceneTables,
     views: wp.array,
     mask: wp.array,
     depth: wp.array,
@@ -237,21 +236,21 @@ def record(
     more, veils = 0, 0
     if layers is not None and not set(LIT).isdisjoint(outputs):
         more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
-        if layers.veiled:
+        if layers.has_transparent:
             more |= VEILED | (NOTED if noted else 0)
-            veils = _room(layers.veils.size, 8, device)
+            veils = _room(layers.transparent_shapes.size, 8, device)
         if layers.haze is not None and tables.has_skybox and not mirrored:
             more |= HAZY
-    varied = facts_of(tables.variety, tables.headlights)
-    if varied and tables.variety is not None:
-        frame_type = varied_frame_struct(shape.dtype, face.dtype)
+    varied = override_flags(tables.world_overrides, tables.headlights)
+    if varied and tables.world_overrides is not None:
+        frame_type = overridden_frame_struct(shape.dtype, face.dtype)
     else:
         frame_type = (layered_frame_struct if more else frame_struct)(shape.dtype, face.dtype)
     frame = frame_type()
-    if varied and tables.variety is not None:
-        frame.variety = tables.variety
+    if varied and tables.world_overrides is not None:
+        frame.variety = tables.world_overrides
     if layers is not None and more:
-        frame.veils, frame.reach = layers.veils, layers.reach
+        frame.veils, frame.reach = layers.transparent_shapes, layers.reach
         if mirrors is not None:
             frame.mirrors = mirrors
         if layers.haze is not None:
@@ -266,16 +265,16 @@ def record(
     frame.height = height
     frame.horizon = tables.horizon
     frame.plane = tables.first_plane
-    images = Images()
+    images = ShadedImages()
     wanted = 0
     for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
         if name in outputs:
-            setattr(images, name, flat(outputs[name]))
+            setattr(images, name, flatten(outputs[name]))
             wanted |= 1 << bit
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
     group = group or Group.of_all(tables.num_worlds)
-    region = region_size(tables, group.at_once, width, height, device, quick=True)
+    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
     types = sum(1 << t for t in tables.shape_types)
     facts = facts_of_looks(tables, shadow is not None) | more | varied
     if device.is_cuda:
@@ -305,7 +304,7 @@ def record(
         tables.physical or tables.lights,
         tables.background,
     ]
-    return record_stage(
+    return bind_launch(
         kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
     )
 
@@ -326,7 +325,7 @@ def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
-def _capacity(tables: Tables, device: wp.Device) -> int:
+def _capacity(tables: SceneTables, device: wp.Device) -> int:
     """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
     if tables.num_drawn > MAX_KEPT:
         return MAX_SEEN if tables.num_drawn <= MAX_SEEN else 0
@@ -340,7 +339,7 @@ def _room(count: int, step: int, device: wp.Device) -> int:
     return -(-count // step) * step
 
 
-def facts_of_looks(tables: Tables, shadows: bool = False) -> int:
+def facts_of_looks(tables: SceneTables, shadows: bool = False) -> int:
     """Bits of native/shading/appearance.h."""
     facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
     spare = SPARE * is_spare(tables.shape_types, tables.num_drawn)

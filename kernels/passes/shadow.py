@@ -6,9 +6,8 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
-from warpcam.kernels.runtime.launch import Group, Stage, native_module
-from warpcam.kernels.runtime.launch import record as record_launch
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     GLASS,
     MESH,
@@ -23,16 +22,16 @@ from warpcam.kernels.types import (
 )
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
-CROWD_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
+MANY_CASTERS_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
 LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: shadow/casters.h, CasterList
 BESIDE = 16  # up to so many shapes there are two lists: shadow/shadow_pass.h, lists_beside
-OUTLINE_BYTES = 16  # more where meshes have outlines: shadow/casters.h, CasterList::OUTLINED
+CASTER_BOUNDS_BYTES = 16  # more where meshes have outlines: shadow/casters.h, CasterList::OUTLINED
 REST_BYTES = 3400  # what else a block has, and what is reserved for it
 # and for the rays of a warp, also for each 32 shapes: shadow/mesh_any_hit.h, ShadowRays
 WALKED_BYTES, WORD_BYTES = 3232, 256
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
-CROWDS = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
+MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
 MANY = 384  # shapes; more are such a crowd
 MOST = 2**20  # shapes that can be told apart there
 
@@ -79,7 +78,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, CROWD_BLOCKS if crowded else blocks(types, capacity)),
+        launch_bounds=(THREADS, MANY_CASTERS_BLOCKS if crowded else blocks(types, capacity)),
         module_options=native_module("shadow/many_casters.h" if crowded else "shadow/shadow_pass.h"),
     )
     def shadow(
@@ -97,8 +96,8 @@ def _kernel(
     return shadow
 
 
-def record(
-    tables: Tables,
+def bind(
+    tables: SceneTables,
     lens: str,
     views: wp.array,
     mask: wp.array,
@@ -137,26 +136,26 @@ def record(
     types = sum(1 << t for t in tables.shape_types)
     if MESH in tables.shape_types:
         types |= (1 << SHADING_BACKS) * (tables.physical is None or tables.backs_shade)
-        types |= (1 << SHUTTERED) * (tables.physical is None and shuttered(tables))
-    if tables.layers is not None and tables.layers.veiled:
+        types |= (1 << SHUTTERED) * (tables.physical is None and has_occluder_boxes(tables))
+    if tables.layers is not None and tables.layers.has_transparent:
         types |= 1 << GLASS
     shapes = tables.shapes if tables.casters is None else tables.casters
     num_casters = shapes.drawn.shape[0]
     crowded = MANY < num_casters <= MOST and MESH not in tables.shape_types
-    capacities = CROWDS if crowded else CAPACITIES
+    capacities = MANY_CASTERS_CAPACITIES if crowded else CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
-    region = region_size(tables, group.at_once, width, height, device)
+    region = region_size(tables, group.concurrent_worlds, width, height, device)
     unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
     arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
-    return record_launch(
+    return bind_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
 
 
-def shuttered(tables: Tables) -> bool:
+def has_occluder_boxes(tables: SceneTables) -> bool:
     """Whether its meshes have shutters: pack_meshes of accel/meshes.py."""
     return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
 
@@ -167,6 +166,6 @@ def blocks(types: int, capacity: int) -> int:
         return BLOCKS
     walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (WALK_BYTES if capacity <= WALK_SHAPES else 0)
     rays = THREADS // 32 * walked
-    listed = (LISTED_BYTES + (OUTLINE_BYTES if types >> SHUTTERED & 1 else 0)) * capacity
+    listed = (LISTED_BYTES + (CASTER_BOUNDS_BYTES if types >> SHUTTERED & 1 else 0)) * capacity
     listed *= 2 if capacity <= BESIDE else 1
     return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

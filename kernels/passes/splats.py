@@ -6,12 +6,11 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes.flow import Trail
+from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.passes.visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
-from warpcam.kernels.runtime.flatten import flat
-from warpcam.kernels.runtime.launch import Group, Stage, compiler_flags, native_module
-from warpcam.kernels.runtime.launch import record as record_stage
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.flatten import flatten
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, Splats, View
 
 wp.set_module_options(compiler_flags())
@@ -40,7 +39,7 @@ CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that s
 
 
 @wp.struct
-class Images:
+class SplatImages:
     """What is drawn over, channel after channel of pixel after pixel; empty where it was not asked for."""
 
     rgb: wp.array(dtype=wp.uint8)
@@ -87,7 +86,7 @@ def _flow_frame_struct(shape_dtype: Any) -> Any:
         shape: wp.array(dtype=shape_dtype)
         width: wp.int32
         height: wp.int32
-        trail: Trail
+        trail: FlowHistory
 
     return FlowFrame
 
@@ -104,7 +103,7 @@ def _exposed_frame_struct(shape_dtype: Any) -> Any:
         shape: wp.array(dtype=shape_dtype)
         width: wp.int32
         height: wp.int32
-        trail: Trail
+        trail: FlowHistory
         exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
         gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
 
@@ -123,10 +122,10 @@ def _solid_frame_struct(shape_dtype: Any) -> Any:
         shape: wp.array(dtype=shape_dtype)
         width: wp.int32
         height: wp.int32
-        trail: Trail
+        trail: FlowHistory
         exposures: wp.array(dtype=wp.float32)
         gains: wp.array(dtype=wp.vec3)
-        limits: wp.array(dtype=wp.vec2)  # (1,) see Tables.splat_limits
+        limits: wp.array(dtype=wp.vec2)  # (1,) see SceneTables.splat_limits
 
     return SolidFrame
 
@@ -137,7 +136,7 @@ def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel
         f"warpcam::draw_splats<{lens}, {capacity}, {wanted}>"
         "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
     )
-    def draw(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, index: int): ...
+    def draw(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, index: int): ...
 
     @wp.kernel(
         module="unique",
@@ -146,7 +145,7 @@ def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel
         launch_bounds=(THREADS, BLOCKS),
         module_options=native_module("splats/gaussian_blend.h"),
     )
-    def blend_splats(frame: frame_type, images: Images, shapes: Shapes, splats: Splats, first: wp.int32):
+    def blend_splats(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, first: wp.int32):
         draw(frame, images, shapes, splats, first + wp.tid())
 
     return blend_splats
@@ -182,8 +181,8 @@ def find_broken(
                 views[world] = view
 
 
-def record_check(
-    tables: Tables, views: wp.array, mask: wp.array, faults: wp.array, device: wp.Device, group: Group
+def bind_check(
+    tables: SceneTables, views: wp.array, mask: wp.array, faults: wp.array, device: wp.Device, group: Group
 ) -> Stage:
     """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number.
 
@@ -196,13 +195,13 @@ def record_check(
         group: Which worlds are drawn.
     """
     inputs = [tables.shapes, tables.splats, mask, faults, views]
-    return record_stage(find_broken, len(group.worlds), inputs, device, start=group.worlds.start)
+    return bind_launch(find_broken, len(group.worlds), inputs, device, start=group.worlds.start)
 
 
-def record(
+def bind(
     images: Mapping[str, wp.array],
     lens: str,
-    tables: Tables,
+    tables: SceneTables,
     views: wp.array,
     mask: wp.array,
     depth: wp.array,
@@ -211,7 +210,7 @@ def record(
     height: int,
     device: wp.Device,
     group: Group,
-    trail: Any = None,
+    flow_history: Any = None,
 ) -> Stage:
     """Bind the stage that draws clouds over one camera's images, which are else finished.
 
@@ -228,31 +227,35 @@ def record(
         height: Of the image [pixels].
         device: Where all of these lie.
         group: Which worlds are drawn.
-        trail: Trail, where flow is wanted.
+        flow_history: Trail, where flow is wanted.
     """
     flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
-    exposed = tables.variety is not None and tables.variety.exposures.size > 0 and not set(LIT).isdisjoint(images)
+    exposed = (
+        tables.world_overrides is not None
+        and tables.world_overrides.exposures.size > 0
+        and not set(LIT).isdisjoint(images)
+    )
     solid = tables.splat_limits is not None
     make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
     frame_type = (_solid_frame_struct if solid else make)(shape.dtype)
     frame = frame_type()
     if exposed:
-        frame.exposures, frame.gains = tables.variety.exposures, tables.variety.gains
+        frame.exposures, frame.gains = tables.world_overrides.exposures, tables.world_overrides.gains
     if solid:
         frame.limits = tables.splat_limits
     if flows:
-        frame.trail = trail
+        frame.trail = flow_history
         flows |= FLOW_MOVES * bool(tables.moving)
     frame.views, frame.mask = views, mask
     frame.depth, frame.shape = depth.flatten(), shape.flatten()
     frame.width, frame.height = width, height
-    changed = Images()
+    changed = SplatImages()
     wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0) | (SOLID if solid else 0)
     if tables.physical is not None and "hdr" in images:
         wanted |= LINEAR
     for bit, (name, dtype) in enumerate(OUTPUTS.items()):
         if name in images:
-            setattr(changed, name, flat(images[name]))
+            setattr(changed, name, flatten(images[name]))
             wanted |= 1 << bit
         else:
             setattr(changed, name, wp.empty(0, dtype=dtype, device=device))
@@ -260,7 +263,7 @@ def record(
     capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
     kernel = _kernel(LENSES[lens], capacity, wanted, frame_type)
     unit = -(-width // REGION) * -(-height // REGION) * (THREADS if device.is_cuda else 1)  # threads a world
-    return record_stage(
+    return bind_launch(
         kernel,
         len(group.worlds) * unit,
         [frame, changed, tables.shapes, tables.splats],

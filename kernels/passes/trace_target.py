@@ -5,12 +5,12 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes.flow import Trail
+from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.types import Textures
 
 
 @wp.struct
-class Labels:
+class LabelImages:
     """Images of labels, (world * height * width,), and the tables that they are looked up in, (world or 1, shape)."""
 
     instances: wp.array(dtype=wp.int32)  # -1 where nothing is hit
@@ -42,7 +42,7 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        labels: Labels
+        labels: LabelImages
         lists: wp.array(dtype=wp.vec4)  # of view_shape_lists.py; may be empty
 
     return Target
@@ -72,7 +72,7 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def painted_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
+def albedo_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """The same, of a trace that writes albedo."""
 
     @wp.struct
@@ -89,7 +89,7 @@ def painted_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        labels: Labels
+        labels: LabelImages
         albedo: wp.array(dtype=wp.uint8)  # (world * height * width * 3,) 0 where nothing is hit
         textures: Textures
         plane: wp.int32  # id of the plane whose texture is looked up at once, or -1
@@ -115,8 +115,8 @@ def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
         normals: wp.array(dtype=wp.float32)
         width: wp.int32
         height: wp.int32
-        trail: Trail
-        labels: Labels
+        trail: FlowHistory
+        labels: LabelImages
         lists: wp.array(dtype=wp.vec4)  # of view_shape_lists.py; may be empty
 
     return FlowTarget

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 from warpcam.kernels.types import Meshes
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.struct
-class CornersBefore:
+class VertexHistory:
     """The faces of meshes that move, as they were."""
 
     starts: wp.array(dtype=wp.int32)  # (mesh,) first in `corners`, or -1 for a mesh that does not move
@@ -22,8 +22,8 @@ class CornersBefore:
 
 
 @wp.kernel(enable_backward=False)
-def keep_corners(
-    before: CornersBefore, faces: wp.array(dtype=wp.vec4), mask: wp.array(dtype=wp.uint8), first: wp.int32
+def store_vertices(
+    before: VertexHistory, faces: wp.array(dtype=wp.vec4), mask: wp.array(dtype=wp.uint8), first: wp.int32
 ):
     row = before.rows[first + wp.tid()]
     world = before.worlds[row[1]]
@@ -37,12 +37,12 @@ def keep_corners(
         before.corners[at + k] = wp.vec3(corner[0], corner[1], corner[2])
 
 
-def record_corners(before: CornersBefore, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:
+def bind_vertex_history(before: VertexHistory, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:
     """Bind the stage after all traces that keeps where the corners of moving meshes are."""
-    return record(keep_corners, before.rows.shape[0], [before, meshes.faces, mask], device)
+    return bind_launch(store_vertices, before.rows.shape[0], [before, meshes.faces, mask], device)
 
 
-def corners_before(
+def allocate_vertex_history(
     meshes: Meshes, moving: np.ndarray, counts: np.ndarray, worlds: np.ndarray, device: wp.Device
 ) -> Any:
     """Room for the corners of the meshes that move.
@@ -51,12 +51,12 @@ def corners_before(
         meshes: Of the scene.
         moving: ids of those that move, each with rows of its own.
         counts: Faces of each, as given.
-        worlds: (mesh,) int32: CornersBefore.worlds.
+        worlds: (mesh,) int32: VertexHistory.
         device: Where it is to lie.
     """
     starts = np.full(meshes.face_start.shape[0], -1, np.int32)
     starts[moving] = 3 * np.append(0, np.cumsum(counts)[:-1])
-    before = CornersBefore()
+    before = VertexHistory()
     before.starts = wp.array(starts, dtype=wp.int32, device=device)
     before.worlds = wp.array(worlds.astype(np.int32), dtype=wp.int32, device=device)
     before.rows = wp.array(_face_rows(meshes, moving), dtype=wp.vec2i, device=device)
@@ -64,13 +64,13 @@ def corners_before(
     return before
 
 
-def corners_bytes(meshes: Meshes, moving: np.ndarray, counts: np.ndarray) -> int:
-    """Bytes of ``corners_before``."""
+def vertex_history_bytes(meshes: Meshes, moving: np.ndarray, counts: np.ndarray) -> int:
+    """Bytes of ``allocate_vertex_history``."""
     return 8 * int(meshes.face_start.shape[0]) + 8 * len(_face_rows(meshes, moving)) + 36 * int(counts.sum())
 
 
 def _face_rows(meshes: Meshes, moving: np.ndarray) -> np.ndarray:
-    """CornersBefore.rows."""
+    """VertexHistory."""
     first = meshes.face_start.numpy()
     ends = np.append(np.unique(first), meshes.faces.shape[0])
     last = ends[np.searchsorted(ends, first[moving], "right")]

@@ -12,11 +12,11 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes import visibility
-from warpcam.kernels.passes.flow import Trail, brief
-from warpcam.kernels.passes.views import LensTable, Mount, Opening, turned_over, view_of
+from warpcam.kernels.passes.flow import FlowHistory, is_compact
+from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
 from warpcam.kernels.passes.visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
-from warpcam.kernels.runtime.launch import Stage, native_module, record
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, LOOKS_ALONE, MESH, HeightFields, Materials, Meshes, Shapes, View
 
 # Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
@@ -26,8 +26,8 @@ HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/vi
 LANES = 32
 # pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
 MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
-LISTERS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
-BLOCKS, FLOWING_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
+LIST_THREADS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
+BLOCKS, FLOW_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
 
 
 @functools.cache
@@ -56,7 +56,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
-        trail: Trail,
+        trail: FlowHistory,
         lists: wp.array(dtype=wp.vec4),
         faults: wp.array(dtype=wp.uint8),
         columns: int,
@@ -74,14 +74,14 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(LISTERS, FLOWING_BLOCKS if wanted & (FLOW | FLOW_VALID) else BLOCKS),
+        launch_bounds=(LIST_THREADS, FLOW_BLOCKS if wanted & (FLOW | FLOW_VALID) else BLOCKS),
         module_options=native_module("traversal/view_shape_list.h"),
     )
     def write_views_and_lists(
-        opens: wp.int32,
-        opening: Opening,
-        mount: Mount,
-        lens: LensTable,
+        starts: wp.int32,
+        frame_start: FrameStart,
+        pose: CameraPose,
+        lens: LensParams,
         mask: wp.array(dtype=wp.uint8),
         faults: wp.array(dtype=wp.uint8),
         views: wp.array(dtype=View),
@@ -89,7 +89,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
-        trail: Trail,
+        trail: FlowHistory,
         lists: wp.array(dtype=wp.vec4),
         columns: wp.int32,
         brief: wp.int32,
@@ -98,8 +98,8 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         first: wp.int32,
     ):
         index = wp.uint32(first + wp.tid())
-        block = wp.int32(index // wp.uint32(LISTERS))
-        thread = wp.int32(index) - block * LISTERS
+        block = wp.int32(index // wp.uint32(LIST_THREADS))
+        thread = wp.int32(index) - block * LIST_THREADS
         begin = block * worlds_each
         worlds = wp.min(worlds_each, views.shape[0] - begin)
         slot = (thread * rate) >> 16
@@ -109,7 +109,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         state = wp.int32(0)
         if thread < worlds:
             world = begin + thread
-            drawn = opens != 0 and opening.everything != 0
+            drawn = starts != 0 and frame_start.everything != 0
             if not drawn:
                 drawn = mask[world] != wp.uint8(0)
             if drawn:
@@ -119,24 +119,24 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
                 count = wp.int32(0)  # loaded with the rest: memory is waited for once
                 known = wp.int32(0)
                 time = wp.float32(0.0)
-                if opens != 0:
-                    count = opening.frames[world]
-                    if opening.known.shape[0] > 0:
-                        known = wp.int32(opening.known[world])
-                    if world < opening.clock.shape[0]:
-                        time = opening.clock[world]
+                if starts != 0:
+                    count = frame_start.frames[world]
+                    if frame_start.frame_state.shape[0] > 0:
+                        known = wp.int32(frame_start.frame_state[world])
+                    if world < frame_start.clock.shape[0]:
+                        time = frame_start.clock[world]
                     faults[world] = wp.uint8(0)
-                now = view_of(world, mount, lens, faults)
+                now = view_of(world, pose, lens, faults)
                 views[world] = now
-                if opens != 0:
+                if starts != 0:
                     mask[world] = wp.uint8(1)
-                    opening.frames[world] = count + 1
-                    if opening.known.shape[0] > 0:
-                        opening.known[world] = wp.uint8(turned_over(known))
-                    if world < opening.clock.shape[0]:
-                        opening.times[world] = time
+                    frame_start.frames[world] = count + 1
+                    if frame_start.frame_state.shape[0] > 0:
+                        frame_start.frame_state[world] = wp.uint8(next_frame_state(known))
+                    if world < frame_start.clock.shape[0]:
+                        frame_start.times[world] = time
                     if trail.known.shape[0] > 0:
-                        state = turned_over(state)
+                        state = next_frame_state(state)
         list_worlds(
             now,
             state,
@@ -162,7 +162,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
 
 
 def capacity_of(
-    tables: Tables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
+    tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
     """How many shapes such a list has room for; 0 where there is none."""
     few = 0 < tables.num_drawn <= LANES
@@ -184,24 +184,24 @@ def rows_of(capacity: int, outputs: Collection[str]) -> int:
     return head + head % 2 + RECORD_ROWS * capacity
 
 
-def record_lists(
-    opening: Any,
-    mount: Any,
+def bind_lists(
+    frame_start: Any,
+    pose: Any,
     lens: Any,
     mask: wp.array,
     faults: wp.array,
     views: wp.array,
-    tables: Tables,
+    tables: SceneTables,
     projection: str,
     lists: wp.array,
     trail: Any,
     outputs: Collection[str],
     device: wp.Device,
 ) -> Stage:
-    """Bind the stage, which does what that of ``record_views`` does, too, and that of ``record_motions``.
+    """Bind the stage, which does what that of ``bind_views`` does, too, and that of ``bind_motions``.
 
     Args:
-        opening: Of ``record_views``, as ``mount``, ``lens``, ``mask``, ``faults`` and ``views``.
+        frame_start: Of ``bind_views``, as ``pose``, ``lens``, ``mask``, ``faults`` and ``views``.
         tables: The scene.
         projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
@@ -209,14 +209,14 @@ def record_lists(
         outputs: Of the camera.
         device: Where all of these lie.
     """
-    opens = int(opening is not None)
-    opening = Opening() if opening is None else opening
-    each = min(LANES, LISTERS // tables.num_shapes)
+    starts = int(frame_start is not None)
+    frame_start = FrameStart() if frame_start is None else frame_start
+    each = min(LANES, LIST_THREADS // tables.num_shapes)
     types = sum(1 << t for t in tables.shape_types - LOOKS_ALONE)
     wanted = 0 if trail is None else FLOW | FLOW_VALID * ("flow_valid" in outputs)
     wanted |= NORMAL * ("normals" in outputs)
     kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)
-    inputs = [opens, opening, mount, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
-    inputs += [tables.height_fields, Trail() if trail is None else trail, lists.flatten(), tables.num_shapes]
-    inputs += [int(brief(tables)), each, 2**16 // tables.num_shapes + 1]
-    return record(kernel, LISTERS * -(-tables.num_worlds // each), inputs, device, block_dim=LISTERS)
+    inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
+    inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
+    inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]
+    return bind_launch(kernel, LIST_THREADS * -(-tables.num_worlds // each), inputs, device, block_dim=LIST_THREADS)

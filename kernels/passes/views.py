@@ -6,14 +6,14 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 from warpcam.kernels.types import View
 
 wp.set_module_options(compiler_flags())
 
 
 @dataclass(frozen=True, eq=False)
-class Tags:
+class FrameCounters:
     """What tells one frame of a world from another.
 
     Attributes:
@@ -25,21 +25,21 @@ class Tags:
     times: wp.array
 
     @classmethod
-    def of(cls, num_worlds: int, device: wp.Device) -> "Tags":
+    def of(cls, num_worlds: int, device: wp.Device) -> "FrameCounters":
         return cls(
             wp.zeros(num_worlds, dtype=wp.int32, device=device),
             wp.full(num_worlds, math.nan, dtype=wp.float32, device=device),
         )
 
 
-# How a lens is given: LensTable.kind.
+# How a lens is given: LensParams.
 FOVY = 0  # vertical field of view [degrees]
 INTRINSICS = 1  # focal lengths and principal point [pixels]
 SENSOR = 2  # focal lengths (orthographic: units a metre), principal point off the centre, sensor size, all in one unit
 HEIGHT = 3  # orthographic: what the image spans vertically [m]
 TABLE = 4  # a table of rays: scale and center of View, ready made
 
-# What depth shows where nothing is hit: LensTable.clipping.
+# What depth shows where nothing is hit: LensParams.
 CLIP_NONE = 0  # infinity
 CLIP_MAX = 1  # far
 CLIP_ZERO = 2
@@ -50,13 +50,13 @@ SECOND, FIRST = 1, 2
 NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0
 
 # Threads in a CUDA block: few, so that few worlds are spread over all multiprocessors.
-BLOCK = 32
+BLOCK_DIM = 32
 
 DEGREE = 0.017453292519943295
 
 
 @wp.struct
-class Mount:
+class CameraPose:
     """Where one camera is: in the source's own arrays, or in ours, on a body or in the world."""
 
     own: wp.int32  # 1: a camera of the user's, 0: one of the source's
@@ -70,7 +70,7 @@ class Mount:
 
 
 @wp.struct
-class LensTable:
+class LensParams:
     """How one camera sees."""
 
     kind: wp.int32  # FOVY, INTRINSICS, SENSOR, HEIGHT or TABLE
@@ -86,11 +86,11 @@ class LensTable:
 
 
 @wp.struct
-class Opening:
-    """What a frame does to a world it draws before anything else; see ``open_frame``."""
+class FrameStart:
+    """What a frame does to a world it draws before anything else; see ``start_frame``."""
 
     everything: wp.int32  # 1: all worlds are drawn, and the mask is made to say so; 0: those that it has
-    known: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
+    frame_state: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
     clock: wp.array(dtype=wp.float32)  # (world,) the simulation's time [s], or empty
     frames: wp.array(dtype=wp.int32)  # (world,) of Tags
     times: wp.array(dtype=wp.float32)  # (world,) of Tags
@@ -115,19 +115,19 @@ def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.
 
 
 @wp.func
-def view_of(world: wp.int32, mount: Mount, lens: LensTable, faults: wp.array(dtype=wp.uint8)) -> View:
+def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.array(dtype=wp.uint8)) -> View:
     near = lens.near[world]  # loaded with the rest: memory is waited for once
     far = lens.far[world]
-    position = mount.positions[world, mount.column]
+    position = pose.positions[world, pose.column]
     rotation = wp.identity(n=3, dtype=wp.float32)
-    if mount.own != 0:
-        rotation = rotation_of(mount.quaternions[world])
-        if mount.parent >= 0:
-            frame = mount.parent_rotations[world, mount.parent]
-            position = mount.parent_positions[world, mount.parent] + frame * position
+    if pose.own != 0:
+        rotation = rotation_of(pose.quaternions[world])
+        if pose.parent >= 0:
+            frame = pose.parent_rotations[world, pose.parent]
+            position = pose.parent_positions[world, pose.parent] + frame * position
             rotation = frame * rotation
     else:
-        rotation = mount.rotations[world, mount.column]
+        rotation = pose.rotations[world, pose.column]
 
     width = wp.float32(lens.width)
     height = wp.float32(lens.height)
@@ -186,19 +186,19 @@ def view_of(world: wp.int32, mount: Mount, lens: LensTable, faults: wp.array(dty
 @wp.func
 def write_view(
     world: wp.int32,
-    mount: Mount,
-    lens: LensTable,
+    pose: CameraPose,
+    lens: LensParams,
     faults: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
     before: wp.array(dtype=View),
 ):
     if before.shape[0] > 0:
         before[world] = views[world]
-    views[world] = view_of(world, mount, lens, faults)
+    views[world] = view_of(world, pose, lens, faults)
 
 
 @wp.func
-def turned_over(state: wp.int32) -> wp.int32:
+def next_frame_state(state: wp.int32) -> wp.int32:
     """What is known of a world's last frame, in the frame that follows."""
     turned = FIRST
     if state == 0:
@@ -209,25 +209,25 @@ def turned_over(state: wp.int32) -> wp.int32:
 
 
 @wp.func
-def count_frame(world: wp.int32, opening: Opening):
-    opening.frames[world] = opening.frames[world] + 1
-    if world < opening.clock.shape[0]:
-        opening.times[world] = opening.clock[world]
+def count_frame(world: wp.int32, frame_start: FrameStart):
+    frame_start.frames[world] = frame_start.frames[world] + 1
+    if world < frame_start.clock.shape[0]:
+        frame_start.times[world] = frame_start.clock[world]
 
 
 @wp.func
-def open_world(world: wp.int32, opening: Opening, faults: wp.array(dtype=wp.uint8)):
+def start_world(world: wp.int32, frame_start: FrameStart, faults: wp.array(dtype=wp.uint8)):
     faults[world] = wp.uint8(0)
-    if opening.known.shape[0] > 0:
-        opening.known[world] = wp.uint8(turned_over(wp.int32(opening.known[world])))
-    count_frame(world, opening)
+    if frame_start.frame_state.shape[0] > 0:
+        frame_start.frame_state[world] = wp.uint8(next_frame_state(wp.int32(frame_start.frame_state[world])))
+    count_frame(world, frame_start)
 
 
 @wp.kernel(enable_backward=False)
-def open_frame(
-    opening: Opening,
-    mount: Mount,
-    lens: LensTable,
+def start_frame(
+    frame_start: FrameStart,
+    pose: CameraPose,
+    lens: LensParams,
     mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
@@ -235,17 +235,17 @@ def open_frame(
     first: wp.int32,
 ):
     world = first + wp.tid()
-    if opening.everything != 0:
+    if frame_start.everything != 0:
         mask[world] = wp.uint8(1)
     if mask[world] != wp.uint8(0):
-        open_world(world, opening, faults)
-        write_view(world, mount, lens, faults, views, before)
+        start_world(world, frame_start, faults)
+        write_view(world, pose, lens, faults, views, before)
 
 
 @wp.kernel(enable_backward=False)
 def write_views(
-    mount: Mount,
-    lens: LensTable,
+    pose: CameraPose,
+    lens: LensParams,
     mask: wp.array(dtype=wp.uint8),
     faults: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
@@ -254,7 +254,7 @@ def write_views(
 ):
     world = first + wp.tid()
     if mask[world] != wp.uint8(0):
-        write_view(world, mount, lens, faults, views, before)
+        write_view(world, pose, lens, faults, views, before)
 
 
 @wp.kernel(enable_backward=False)
@@ -270,49 +270,50 @@ for _dtype in (wp.int32, wp.int64):
     wp.overload(mark_worlds, [wp.array(dtype=_dtype), wp.array(dtype=wp.uint8)])
 
 
-LAUNCHED = (write_views, BLOCK)  # in every frame; the others are compiled with it
+LAUNCHED = (write_views, BLOCK_DIM)  # in every frame; the others are compiled with it
 
 
-def opening_of(
-    everything: bool, clock: wp.array | None, tags: Tags, device: wp.Device, known: wp.array | None = None
+def make_frame_start(
+    everything: bool, clock: wp.array | None, tags: FrameCounters, device: wp.Device, known: wp.array | None = None
 ) -> Any:
-    """The Opening of a stage of ``record_views``.
+    """The Opening of a stage of ``bind_views``.
 
     It clears the faults of the worlds drawn, counts the frame, and notes the ``clock``, (world,) float32 [s], if there
     is one. ``known``, uint8, (world,), says what is known of their last frames, and is turned over.
     """
-    opening = Opening()
-    opening.everything = int(everything)
-    opening.known = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
-    opening.clock = wp.empty(0, dtype=wp.float32, device=device) if clock is None else clock
-    opening.frames, opening.times = tags.frames, tags.times
-    return opening
+    frame_start = FrameStart()
+    frame_start.everything = int(everything)
+    frame_start.frame_state = wp.empty(0, dtype=wp.uint8, device=device) if known is None else known
+    frame_start.clock = wp.empty(0, dtype=wp.float32, device=device) if clock is None else clock
+    frame_start.frames, frame_start.times = tags.frames, tags.times
+    return frame_start
 
 
-def record_views(
-    mount: Mount,
-    lens: LensTable,
+def bind_views(
+    pose: CameraPose,
+    lens: LensParams,
     mask: wp.array,
     faults: wp.array,
     views: wp.array,
     device: wp.Device,
     before: wp.array | None = None,
-    opening: Any = None,
+    frame_start: Any = None,
 ) -> Stage:
     """Bind the stage that writes one camera's views.
 
     Args:
-        mount: Where the camera is.
+        pose: Where the camera is.
         lens: How it sees.
         mask: uint8, (world,); worlds with 0 are left alone.
         faults: uint8, (world,); set to 1 where a pose or a lens makes no view. Its origin is NaN then.
         views: View, (world,); written.
         device: Where all of these lie.
         before: View, (world,); the views that were written last go there. None: nowhere.
-        opening: Opening; what the stage does to a world first, as the one that opens the frame; None: it is another's.
+        frame_start: Opening; what the stage does to a world first, as the one that opens the frame; None: it is
+            another's.
     """
     before = wp.empty(0, dtype=View, device=device) if before is None else before
-    values = [mount, lens, mask, faults, views, before]
-    if opening is None:
-        return record(write_views, views.shape[0], values, device, block_dim=BLOCK)
-    return record(open_frame, views.shape[0], [opening, *values], device, block_dim=BLOCK)
+    values = [pose, lens, mask, faults, views, before]
+    if frame_start is None:
+        return bind_launch(write_views, views.shape[0], values, device, block_dim=BLOCK_DIM)
+    return bind_launch(start_frame, views.shape[0], [frame_start, *values], device, block_dim=BLOCK_DIM)

@@ -6,17 +6,16 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes.flow import brief
+from warpcam.kernels.passes.flow import is_compact
 from warpcam.kernels.passes.trace_target import (
+    albedo_target_struct,
     flow_target_struct,
     opaque_target_struct,
-    painted_target_struct,
     target_struct,
 )
-from warpcam.kernels.runtime.flatten import flat
-from warpcam.kernels.runtime.launch import Group, Stage, cpu_threads, native_module
-from warpcam.kernels.runtime.launch import record as record_launch
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.runtime.flatten import flatten
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, cpu_threads, native_module
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     LOOKS_ALONE,
@@ -118,8 +117,8 @@ def _kernel(
     return visibility
 
 
-def record(
-    tables: Tables,
+def bind(
+    tables: SceneTables,
     lens: str,
     views: wp.array,
     mask: wp.array,
@@ -132,8 +131,8 @@ def record(
     images: Mapping[str, wp.array],
     device: wp.Device,
     group: Group | None = None,
-    veil_places: wp.array | None = None,
-    trail: Any = None,
+    transparent_index: wp.array | None = None,
+    flow_history: Any = None,
     facts: int = 0,
     lists: wp.array | None = None,
 ) -> Stage:
@@ -158,38 +157,40 @@ def record(
             and height fields, albedo where ``paints`` says so.
         device: Where all of these lie.
         group: Which worlds are traced; None is all.
-        veil_places: int32, (shape,). With it shapes that are transparent are left out, of those where it is not -1;
-            there are no ``images`` then.
-        trail: Trail, where flow is wanted.
+        transparent_index: int32, (shape,). With it shapes that are transparent are left out, of those where it is not
+            -1; there are no ``images`` then.
+        flow_history: Trail, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see shading.py.
         lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py, if they are.
     """
     group = group or Group.of_all(views.shape[0])
     capacity = list_capacity(tables.num_drawn, MANY_LISTED if device.is_cpu else MAX_LISTED)
     several = tables.num_drawn > capacity
-    struct = target_struct if veil_places is None else opaque_target_struct
+    struct = target_struct if transparent_index is None else opaque_target_struct
     if "flow" in images or "flow_valid" in images:
         struct = flow_target_struct
     elif "albedo" in images:
-        struct = painted_target_struct
+        struct = albedo_target_struct
     target_type = struct(_dtype(shape), _dtype(face))
     target = target_type()
     target.mask, target.faults = mask, faults
     target.width, target.height = width, height
-    region = (width, height) if lists is not None else region_size(tables, group.at_once, width, height, device)
+    region = (
+        (width, height) if lists is not None else region_size(tables, group.concurrent_worlds, width, height, device)
+    )
     outputs = 0
     arrays = {"depth": depth, "shape": shape, "face": face, **images}
     for bit, name in enumerate(OUTPUTS):
         if arrays.get(name) is not None:
-            setattr(target, name, flat(arrays[name]))
+            setattr(target, name, flatten(arrays[name]))
             outputs |= 1 << bit
     if struct is flow_target_struct:
-        target.trail = trail
+        target.trail = flow_history
         outputs |= FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images) + FLOW_MOVES * bool(tables.moving)
-        outputs |= FLOW_BRIEF * brief(tables)
+        outputs |= FLOW_BRIEF * is_compact(tables)
         outputs |= FLOW_LISTED * composes(tables, device)
-    elif struct is painted_target_struct:
-        target.albedo = flat(images["albedo"])
+    elif struct is albedo_target_struct:
+        target.albedo = flatten(images["albedo"])
         target.textures, target.plane = tables.textures, tables.first_plane
         outputs |= PAINTED
     if "ids" in images:
@@ -203,8 +204,8 @@ def record(
         target.labels.instance_of = tables.labels["instances"]
     if outputs & LABELS["semantics"]:
         target.labels.semantic_of = tables.labels["semantics"]
-    if veil_places is not None:
-        target.veil_places = veil_places
+    if transparent_index is not None:
+        target.veil_places = transparent_index
         outputs |= OPAQUE
     if tables.ids_by_world and "bodies" in images:
         outputs |= BY_WORLD
@@ -222,7 +223,7 @@ def record(
     types = in_order(types, len(group.worlds) * unit, device)
     kernel = _kernel(types, LENSES[lens], capacity, several, *region, outputs, target_type, facts)
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
-    return record_launch(
+    return bind_launch(
         kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
     )
 
@@ -262,15 +263,15 @@ def in_order(types: int, threads: int, device: wp.Device) -> int:
     return types | 1 << MIDDLE_FIRST if device.is_cuda and walked and threads <= ROW_OF_BLOCKS * THREADS else types
 
 
-def composes(tables: Tables, device: wp.Device) -> bool:
-    """Whether no stage of its own composes how shapes have moved, but each block of the trace or view_shape_lists.py: of few."""
+def composes(tables: SceneTables, device: wp.Device) -> bool:
+    """Whether blocks of the trace or of view_shape_lists.py compose how shapes have moved, not a stage of its own."""
     few = tables.num_shapes <= list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 
 
-def floor_parts(tables: Tables, device: wp.Device, width: int, height: int) -> int:
+def floor_parts(tables: SceneTables, device: wp.Device, width: int, height: int) -> int:
     """Parts of 8 x 8 pixels of an image, of each of which a trace of validity may keep whether it shows but a floor."""
-    if width % 8 or height % 8 or not composes(tables, device) or not brief(tables):
+    if width % 8 or height % 8 or not composes(tables, device) or not is_compact(tables):
         return 0
     return -(-width // FLOOR_REGION) * -(-height // FLOOR_REGION) * (FLOOR_REGION // 8) ** 2
 
@@ -281,22 +282,28 @@ def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
 
 
 def paints(
-    tables: Tables, lens: str, width: int, height: int, at_once: int, images: Mapping[str, wp.array], device: wp.Device
+    tables: SceneTables,
+    lens: str,
+    width: int,
+    height: int,
+    at_once: int,
+    images: Mapping[str, wp.array],
+    device: wp.Device,
 ) -> bool:
     """Whether the trace writes albedo, too: native/shading_pass/visibility_albedo.h."""
     plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and tables.physical is None and tables.splats is None
-    moved = tables.variety is not None and tables.variety.texture_offsets.size > 0
+    moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
     if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > MAX_LISTED:
         return False
     tall = tiles_at_once(tables.shape_types, region_size(tables, at_once, width, height, device))
     return images.keys().isdisjoint(("flow", "flow_valid")) and width % 8 == 0 and height % (4 * tall) == 0
 
 
-def facts_of_whole(tables: Tables, device: wp.Device, valid: bool) -> int:
+def facts_of_whole(tables: SceneTables, device: wp.Device, valid: bool) -> int:
     """What a trace of flow is told whose blocks draw whole images. With many shapes they have no room for words."""
     if not device.is_cuda:
         return 0
-    return FLOW_WHOLE | FLOW_NEAR * (valid and brief(tables) and tables.num_drawn <= MANY)
+    return FLOW_WHOLE | FLOW_NEAR * (valid and is_compact(tables) and tables.num_drawn <= MANY)
 
 
 def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
@@ -306,7 +313,7 @@ def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
 
 
 def region_size(
-    tables: Tables, at_once: int, width: int, height: int, device: wp.Device, quick: bool | None = None
+    tables: SceneTables, at_once: int, width: int, height: int, device: wp.Device, quick: bool | None = None
 ) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 

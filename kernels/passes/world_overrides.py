@@ -4,16 +4,16 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 
 wp.set_module_options(compiler_flags())
 
 # Facts of native/shading/appearance.h and native/shading/world_overrides.h.
-OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23
+OFFSETS, BACKGROUNDS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23
 
 
 @wp.struct
-class Variety:
+class WorldOverrides:
     """Arrays that are read where the scene or the camera has such a fact; else they may be empty."""
 
     texture_offsets: wp.array2d(dtype=wp.vec2)  # (world*, material) added to u and v, which is down [images]
@@ -23,43 +23,43 @@ class Variety:
     gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
 
 
-def facts_of(variety: Any, headlights: bool) -> int:
+def override_flags(overrides: Any, headlights: bool) -> int:
     """Bits of what is varied."""
-    if variety is None:
+    if overrides is None:
         return HEADLIGHTS if headlights else 0
-    facts = (variety.texture_offsets.size > 0, variety.skyboxes.size > 0, headlights, variety.exposures.size > 0)
-    return sum(bit for bit, fact in zip((OFFSETS, BACKDROPS, HEADLIGHTS, EXPOSED), facts, strict=True) if fact)
+    facts = (overrides.texture_offsets.size > 0, overrides.skyboxes.size > 0, headlights, overrides.exposures.size > 0)
+    return sum(bit for bit, fact in zip((OFFSETS, BACKGROUNDS, HEADLIGHTS, EXPOSED), facts, strict=True) if fact)
 
 
-def empty_variety(device: wp.Device) -> Variety:
-    variety = Variety()
-    variety.texture_offsets = wp.empty((0, 0), dtype=wp.vec2, device=device)
-    variety.backgrounds = wp.empty(0, dtype=wp.vec3, device=device)
-    variety.skyboxes = wp.empty(0, dtype=wp.int32, device=device)
-    variety.exposures = wp.empty(0, dtype=wp.float32, device=device)
-    variety.gains = wp.empty(0, dtype=wp.vec3, device=device)
-    return variety
+def empty_overrides(device: wp.Device) -> WorldOverrides:
+    overrides = WorldOverrides()
+    overrides.texture_offsets = wp.empty((0, 0), dtype=wp.vec2, device=device)
+    overrides.backgrounds = wp.empty(0, dtype=wp.vec3, device=device)
+    overrides.skyboxes = wp.empty(0, dtype=wp.int32, device=device)
+    overrides.exposures = wp.empty(0, dtype=wp.float32, device=device)
+    overrides.gains = wp.empty(0, dtype=wp.vec3, device=device)
+    return overrides
 
 
-def copied(variety: Any) -> Variety:
+def copy_overrides(overrides: Any) -> WorldOverrides:
     """Another struct of the same arrays."""
-    other = Variety()
+    other = WorldOverrides()
     for name in ("texture_offsets", "backgrounds", "skyboxes", "exposures", "gains"):
-        setattr(other, name, getattr(variety, name))
+        setattr(other, name, getattr(overrides, name))
     return other
 
 
-def without_backdrop(variety: Any, device: wp.Device) -> Any:
+def without_background(overrides: Any, device: wp.Device) -> Any:
     """The same with the scene's one background."""
-    if variety is None or not variety.skyboxes.size:
-        return variety
-    other, empty = copied(variety), empty_variety(device)
+    if overrides is None or not overrides.skyboxes.size:
+        return overrides
+    other, empty = copy_overrides(overrides), empty_overrides(device)
     other.backgrounds, other.skyboxes = empty.backgrounds, empty.skyboxes
     return other
 
 
 @wp.kernel(enable_backward=False)
-def dim_lights(
+def scale_lights(
     colors: wp.array2d(dtype=wp.vec3),
     intensities: wp.array2d(dtype=wp.float32),
     dimmed: wp.array2d(dtype=wp.vec3),
@@ -73,7 +73,7 @@ def dim_lights(
 
 
 @wp.kernel(enable_backward=False)
-def paint_shapes(
+def replace_shape_colors(
     source: wp.array2d(dtype=wp.vec4),
     own: wp.array2d(dtype=wp.vec4),
     painted: wp.array2d(dtype=wp.vec4),
@@ -89,7 +89,7 @@ def paint_shapes(
     painted[world, shape] = color
 
 
-def record_dimming(colors: wp.array, intensities: wp.array, dimmed: wp.array, device: wp.Device) -> Stage:
+def bind_light_intensity(colors: wp.array, intensities: wp.array, dimmed: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that multiplies colours of lights by their intensities.
 
     Args:
@@ -98,10 +98,10 @@ def record_dimming(colors: wp.array, intensities: wp.array, dimmed: wp.array, de
         dimmed: vec3, (world, light); written.
         device: Where all of these lie.
     """
-    return record(dim_lights, dimmed.size, [colors, intensities, dimmed, dimmed.shape[1]], device)
+    return bind_launch(scale_lights, dimmed.size, [colors, intensities, dimmed, dimmed.shape[1]], device)
 
 
-def record_painting(source: wp.array, own: wp.array, painted: wp.array, device: wp.Device) -> Stage:
+def bind_shape_colors(source: wp.array, own: wp.array, painted: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that paints shapes, but for those that their source hides.
 
     Args:
@@ -110,4 +110,4 @@ def record_painting(source: wp.array, own: wp.array, painted: wp.array, device: 
         painted: Likewise; written.
         device: Where all of these lie.
     """
-    return record(paint_shapes, painted.size, [source, own, painted, painted.shape[1]], device)
+    return bind_launch(replace_shape_colors, painted.size, [source, own, painted, painted.shape[1]], device)

@@ -16,11 +16,11 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.streams import quiet_stream
+from warpcam.kernels.runtime.streams import nonblocking_stream
 
 STREAMS = 4  # chains of stages that really run side by side
-WORTH_WAKING = 2e-4  # seconds of work for each thread of a CPU that shares it
-BLOCK = 128  # threads in a CUDA block of stages that do not say otherwise
+MIN_SECONDS_PER_THREAD = 2e-4  # seconds of work for each thread of a CPU that shares it
+BLOCK_DIM = 128  # threads in a CUDA block of stages that do not say otherwise
 
 NATIVE = Path(__file__).resolve().parents[1] / "native"
 
@@ -86,12 +86,12 @@ class Group:
 
     Attributes:
         worlds: Which.
-        at_once: How many worlds are under way on the device at the same time, in this and in other groups: regions
-            are as large as leaves that many enough of them to fill it.
+        concurrent_worlds: How many worlds are under way on the device at the same time, in this and in other groups:
+            regions are as large as leaves that many enough of them to fill it.
     """
 
     worlds: range
-    at_once: int
+    concurrent_worlds: int
 
     @classmethod
     def of_all(cls, num_worlds: int) -> "Group":
@@ -105,12 +105,13 @@ class Stage:
     is being captured the parts run one after another on the calling thread, which is the one that records.
 
     Attributes:
-        aside: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not need.
-        shading: Of a scene's stages those that write what colours and normals alone need.
+        independent: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not
+            need.
+        for_shading_only: Of a scene's stages those that write what colours and normals alone need.
     """
 
-    aside = False
-    shading = False
+    independent = False
+    for_shading_only = False
 
     def __init__(
         self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
@@ -122,13 +123,13 @@ class Stage:
         self._busy = math.inf  # seconds of all threads of a CPU at the last launch
 
     @property
-    def is_bound(self) -> bool:
+    def is_ready(self) -> bool:
         """Whether it is ready for launches."""
         return bool(self._parts)
 
-    def bind(self) -> None:
+    def prepare(self) -> None:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
-        count = min(self._dim, 1 if self.device.is_cuda else cpu_parts())
+        count = min(self._dim, 1 if self.device.is_cuda else cpu_chunks())
         bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
         self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
         self._whole = self._bound(0, self._dim) if count > 1 else None
@@ -142,7 +143,7 @@ class Stage:
     def launch(self, stream: wp.Stream | None = None) -> None:
         """Enqueue the work on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
         if not self._parts:
-            self.bind()
+            self.prepare()
         if self._whole is not None and not self.device.is_capturing:
             self._launch_shared(self._whole)
         else:
@@ -155,17 +156,17 @@ class Stage:
         Others are woken as far as the last launch was long enough for them to be worth it. What they did not begin
         before nothing was left is not waited for.
         """
-        threads = min(cpu_threads(), int(min(self._busy / WORTH_WAKING, len(self._parts))))
+        threads = min(cpu_threads(), int(min(self._busy / MIN_SECONDS_PER_THREAD, len(self._parts))))
         if threads < 2:
-            self._busy = _work(deque([whole]))
+            self._busy = _drain(deque([whole]))
             return
         left = deque(self._parts)
-        others = _wake(functools.partial(_work, left), threads - 1)
-        busy = _work(left)
+        others = _submit(functools.partial(_drain, left), threads - 1)
+        busy = _drain(left)
         self._busy = busy + sum(other.result() for other in others if not other.cancel())
 
 
-class Frame:
+class FrameGraph:
     """Stages in their order: phase after phase, each of chains that may run side by side.
 
     ``launch()`` neither allocates nor syncs. It may be part of a capture.
@@ -178,7 +179,7 @@ class Frame:
         )
         self._device = device
         beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
-        self._streams = [quiet_stream(device) for _ in range(beside)]
+        self._streams = [nonblocking_stream(device) for _ in range(beside)]
         self._begun = wp.Event(device) if beside else None
         self._done = [wp.Event(device) for _ in range(beside)]
 
@@ -213,7 +214,7 @@ class Frame:
             stream.wait_event(done)
 
 
-def load(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
+def load_modules(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
     """Compile and load modules for launches on a device, those for CUDA side by side.
 
     Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
@@ -239,26 +240,26 @@ def load(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
             pass
 
 
-def bind(stages: Sequence[Stage]) -> None:
+def prepare(stages: Sequence[Stage]) -> None:
     """Make stages of one device ready for launches, compiling their kernels together.
 
     Those of last stages come first, as they take longest: CUDA's compiler reads one module at a time.
     """
     if stages:
-        load([(stage.module, stage.block_dim) for stage in reversed(stages)], stages[0].device)
+        load_modules([(stage.module, stage.block_dim) for stage in reversed(stages)], stages[0].device)
     for stage in stages:
-        stage.bind()
+        stage.prepare()
 
 
 def run(stages: Sequence[Stage]) -> None:
     """Launch stages of one device one after another; those that never were are made ready together."""
-    bind([stage for stage in stages if not stage.is_bound])
+    prepare([stage for stage in stages if not stage.is_ready])
     for stage in stages:
         stage.launch()
 
 
 @contextmanager
-def compiled_meanwhile(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Device) -> Iterator[None]:
+def compile_in_background(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Device) -> Iterator[None]:
     """Compile kernels for a CUDA device while something else is done.
 
     Args:
@@ -269,19 +270,19 @@ def compiled_meanwhile(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Devi
         yield
         return
     with ThreadPoolExecutor(1) as pool:
-        compiled = pool.submit(load, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
+        compiled = pool.submit(load_modules, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
         yield
         compiled.result()
 
 
-def record(
+def bind_launch(
     kernel: wp.Kernel,
     dim: int,
     inputs: Sequence[Any],
     device: wp.Device,
     *,
     start: int = 0,
-    block_dim: int = BLOCK,
+    block_dim: int = BLOCK_DIM,
 ) -> Stage:
     """A 1-D kernel with its arguments.
 
@@ -296,7 +297,7 @@ def record(
     return Stage(kernel, dim, inputs, device, start, block_dim)
 
 
-def cpu_parts() -> int:
+def cpu_chunks() -> int:
     """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
     return 4 * cpu_threads() if cpu_threads() > 1 else 1
 
@@ -306,20 +307,20 @@ def cpu_threads() -> int:
     """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
-    number = whole_above_zero(wanted)
+    number = parse_positive_int(wanted)
     if wanted.strip() and number is None:
         said = "WARPCAM_CPU_THREADS=%r is no whole number above 0; a frame is split over %d threads"
         logging.getLogger("warpcam").warning(said, wanted, cores)
     return number or cores
 
 
-def whole_above_zero(text: str) -> int | None:
+def parse_positive_int(text: str) -> int | None:
     """The number that a text is, whatever spaces are around it; None if it is no such number."""
     digits = text.strip()
     return int(digits) or None if digits.isdecimal() else None
 
 
-def _work(left: deque[wp.Launch]) -> float:
+def _drain(left: deque[wp.Launch]) -> float:
     """Launch what is left, one part after another; the seconds that it took."""
     begun = time.perf_counter()
     while True:
@@ -330,7 +331,7 @@ def _work(left: deque[wp.Launch]) -> float:
         part.launch()
 
 
-def _wake(work: Callable[[], float], threads: int) -> list[Future[float]]:
+def _submit(work: Callable[[], float], threads: int) -> list[Future[float]]:
     """Have so many threads of the pool do some work."""
     woken: list[Future[float]] = []
     with suppress(RuntimeError):  # the interpreter is ending, and a thread that does not keep it from that renders on

@@ -12,7 +12,7 @@ import warp as wp
 NON_BLOCKING = 1  # CU_STREAM_NON_BLOCKING
 
 
-def quiet_stream(device: wp.Device) -> wp.Stream:
+def nonblocking_stream(device: wp.Device) -> wp.Stream:
     """A new stream that has no part in the order of CUDA's legacy default stream.
 
     Warp's own streams do: while one is captured, whatever another thread puts on the default stream is an error.
@@ -28,7 +28,7 @@ def quiet_stream(device: wp.Device) -> wp.Stream:
 
 
 @contextmanager
-def context_kept() -> Iterator[None]:
+def preserve_cuda_context() -> Iterator[None]:
     """Afterwards the same CUDA context is current as before, if one was, on a machine that has CUDA.
 
     What Warp does on a device leaves that device's context current, and with it torch's current device changes. A

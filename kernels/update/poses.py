@@ -9,7 +9,7 @@ wp.set_module_options(compiler_flags())
 
 
 @wp.struct
-class Followers:
+class AttachedPoses:
     """Things of one kind. Each hangs on a driven frame, or stands still in the world."""
 
     drivers: wp.array(dtype=wp.int32)  # (thing,) column of Drives, or -1 for the world
@@ -18,7 +18,7 @@ class Followers:
 
 
 @wp.kernel(enable_backward=False)
-def drive(
+def write_driven_poses(
     poses: wp.array3d(dtype=wp.float32),
     columns: wp.array(dtype=wp.int32),
     positions: wp.array2d(dtype=wp.vec3),
@@ -33,8 +33,8 @@ def drive(
 
 
 @wp.func
-def placed(
-    followers: Followers,
+def attached_pose(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     world: wp.int32,
@@ -51,22 +51,22 @@ def placed(
 
 
 @wp.kernel(enable_backward=False)
-def follow(
-    followers: Followers,
+def update_attached(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     out_positions: wp.array2d(dtype=wp.vec3),
     out_rotations: wp.array2d(dtype=wp.mat33),
 ):
     world, thing = wp.tid()
-    position, rotation = placed(followers, positions, rotations, world, thing)
+    position, rotation = attached_pose(followers, positions, rotations, world, thing)
     out_positions[world, thing] = position
     out_rotations[world, thing] = rotation
 
 
 @wp.kernel(enable_backward=False)
-def follow_lights(
-    followers: Followers,
+def update_attached_lights(
+    followers: AttachedPoses,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     out_positions: wp.array2d(dtype=wp.vec3),
@@ -75,7 +75,7 @@ def follow_lights(
 ):
     """A light shines along its frame's -z."""
     world, thing = wp.tid()
-    position, rotation = placed(followers, positions, rotations, world, thing)
+    position, rotation = attached_pose(followers, positions, rotations, world, thing)
     out_positions[world, thing] = position
     out_rotations[world, thing] = rotation
     out_directions[world, thing] = rotation * wp.vec3(0.0, 0.0, -1.0)

@@ -4,7 +4,7 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 
 wp.set_module_options(compiler_flags())
 
@@ -131,7 +131,7 @@ def draw_switches(
         out[world, row, k] = wp.uint8(choices[chosen])
 
 
-def record_draw(draw: Draw, out: wp.array, more: Any, device: wp.Device, column: int = 0) -> Stage:
+def bind_draw(draw: Draw, out: wp.array, more: Any, device: wp.Device, column: int = 0) -> Stage:
     """Bind the stage that draws.
 
     Args:
@@ -143,7 +143,7 @@ def record_draw(draw: Draw, out: wp.array, more: Any, device: wp.Device, column:
     """
     dim = out.shape[0] * draw.rows.shape[0]
     if out.dtype is wp.float32:
-        return record(draw_turns if draw.kind == TURN else draw_numbers, dim, [draw, more, out], device)
+        return bind_launch(draw_turns if draw.kind == TURN else draw_numbers, dim, [draw, more, out], device)
     if out.dtype is wp.int32:
-        return record(draw_choices, dim, [draw, more, column, out], device)
-    return record(draw_switches, dim, [draw, more, out], device)
+        return bind_launch(draw_choices, dim, [draw, more, column, out], device)
+    return bind_launch(draw_switches, dim, [draw, more, out], device)

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.passes.visibility import THREADS
-from warpcam.kernels.runtime.launch import Stage, native_module, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
 from warpcam.kernels.types import Meshes
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
@@ -23,7 +23,7 @@ FEW = 1024  # children of a level: so many one block brings to where they are no
 
 
 @wp.struct
-class Moving:
+class DeformingMeshes:
     """Meshes that move, with one tree: the instances have their own boxes, faces and order, and the rest in common."""
 
     assets: wp.array(dtype=wp.int32)  # (instance,) mesh
@@ -44,16 +44,16 @@ class Moving:
 
 
 @wp.func_native("warpcam::move_leaves(moving, meshes, points, index);")
-def _move_leaves(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
+def _move_leaves(moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
 
 
 @wp.func_native("warpcam::move_level(moving, meshes, begin, count, index);")
-def _move_level(moving: Moving, meshes: Meshes, begin: wp.int32, count: wp.int32, index: wp.int32): ...
+def _move_level(moving: DeformingMeshes, meshes: Meshes, begin: wp.int32, count: wp.int32, index: wp.int32): ...
 
 
 @wp.func_native("warpcam::move_normals(moving, meshes, points, normals, index);")
 def _move_normals(
-    moving: Moving,
+    moving: DeformingMeshes,
     meshes: Meshes,
     points: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
@@ -62,30 +62,34 @@ def _move_normals(
 
 
 @wp.func_native("warpcam::finish_tree(moving, meshes, points, level, index);")
-def _finish_tree(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, index: wp.int32): ...
+def _finish_tree(
+    moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, index: wp.int32
+): ...
 
 
 NATIVE = {"grid_stride": False, "module_options": native_module("accel/refit.h")}
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def move_leaves(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
+def move_leaves(moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
     _move_leaves(moving, meshes, points, first + wp.tid())
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def move_level(moving: Moving, meshes: Meshes, begin: wp.int32, count: wp.int32, first: wp.int32):
+def move_level(moving: DeformingMeshes, meshes: Meshes, begin: wp.int32, count: wp.int32, first: wp.int32):
     _move_level(moving, meshes, begin, count, first + wp.tid())
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def finish_trees(moving: Moving, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, first: wp.int32):
+def finish_trees(
+    moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, first: wp.int32
+):
     _finish_tree(moving, meshes, points, level, first + wp.tid())
 
 
 @wp.kernel(module="unique", enable_backward=False, **NATIVE)
 def move_normals(
-    moving: Moving,
+    moving: DeformingMeshes,
     meshes: Meshes,
     points: wp.array(dtype=wp.vec3),
     normals: wp.array(dtype=wp.vec3),
@@ -100,15 +104,15 @@ def kernels_of(backs: bool) -> list[wp.Kernel]:
 
 
 @dataclass(frozen=True)
-class Shading:
-    """How the faces of a moving mesh are shaded: see ``Moving``."""
+class FaceShading:
+    """How the faces of a moving mesh are shaded: see ``DeformingMeshes``."""
 
     offset: float = 0.0
     num_smooth: int = 0
     num_flat: int = 0
 
 
-class Tree:
+class DeformingTree:
     """What the instances of one moving mesh have in common, and the stages that move them.
 
     Args:
@@ -117,7 +121,7 @@ class Tree:
         bases: The point that each one's corners count from.
         faces: (face, 3) int32, the mesh's faces as they were given; of a mesh with two sides those of its front.
         device: Where all of it lies.
-        shading: How faces are shaded: None is as they lie.
+        for_shading_only: How faces are shaded: None is as they lie.
         two_sided: Whether each face is seen from behind, too; then all are shaded as they lie.
     """
 
@@ -128,7 +132,7 @@ class Tree:
         bases: np.ndarray,
         faces: np.ndarray,
         device: wp.Device,
-        shading: Shading | None = None,
+        shading: FaceShading | None = None,
         two_sided: bool = False,
     ):
         self._meshes, self._device = meshes, device
@@ -137,7 +141,7 @@ class Tree:
         levels, rows = self._read(first_node)
         marks = meshes.faces[first_face : first_face + 3 * rows].numpy().reshape(-1, 3, 4)[:, 0, 3]
         given = np.ascontiguousarray(marks).view(np.int32)
-        self._moving = moving = Moving()
+        self._moving = moving = DeformingMeshes()
         moving.assets = self._integers(assets)
         moving.bases = self._integers(bases)
         moving.triangles = wp.array(faces.astype(np.int32), dtype=wp.vec3i, device=device)
@@ -146,7 +150,7 @@ class Tree:
         moving.looseness = wp.full(len(assets), -1.0, dtype=wp.float32, device=device)
         moving.areas = wp.zeros(len(assets), dtype=wp.vec2, device=device)
         moving.ages = self._integers(np.arange(len(assets)) % EVERY)  # not all at once
-        shading = shading or Shading()
+        shading = shading or FaceShading()
         moving.offset, moving.num_smooth, moving.num_flat = shading.offset, shading.num_smooth, shading.num_flat
         moving.backs = int(two_sided)
         leaves = np.concatenate([level[level[:, 2] < 0] for level in levels])
@@ -169,7 +173,7 @@ class Tree:
         """
         stages = self._record(points, normals)
         for stage in stages:
-            stage.aside = aside
+            stage.independent = aside
         return stages
 
     def _record(self, points: wp.array, normals: wp.array | None) -> list[Stage]:
@@ -178,22 +182,24 @@ class Tree:
             normals = wp.empty(0, dtype=wp.vec3, device=device)
         lanes, threads, run = (LEAF_LANES, THREADS, 1) if device.is_cuda else (1, 1, RUN)
         leaves = -(-instances * moving.num_leaves * lanes // run)
-        stages = [record(move_leaves, leaves, [moving, meshes, points], device)] if leaves else []
+        stages = [bind_launch(move_leaves, leaves, [moving, meshes, points], device)] if leaves else []
         level = 0
         for begin, end in itertools.pairwise(map(int, self._starts)):
             if end - begin <= FEW:
                 break
             count = end - begin
-            stages.append(record(move_level, -(-instances * count // run), [moving, meshes, begin, count], device))
+            stages.append(bind_launch(move_level, -(-instances * count // run), [moving, meshes, begin, count], device))
             level += 1
         finish = [moving, meshes, points, level]
-        stages.append(record(finish_trees, instances * threads, finish, device, block_dim=THREADS))
+        stages.append(bind_launch(finish_trees, instances * threads, finish, device, block_dim=THREADS))
         if moving.backs:  # these have their normals from their faces
             return stages
         faces = moving.triangles.shape[0]
         whole = -(-faces // LANES) * LANES if device.is_cuda else faces  # a warp works on faces of one instance
-        stages.append(record(move_normals, -(-instances * whole // run), [moving, meshes, points, normals], device))
-        stages[-1].shading = True
+        stages.append(
+            bind_launch(move_normals, -(-instances * whole // run), [moving, meshes, points, normals], device)
+        )
+        stages[-1].for_shading_only = True
         return stages
 
     def _integers(self, values: np.ndarray) -> wp.array:

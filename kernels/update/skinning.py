@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.struct
-class Bones:
+class SkinWeights:
     """What a skin hangs on: each vertex on some bodies, with weights."""
 
     starts: wp.array(dtype=wp.int32)  # (vertex + 1,) first of a vertex's bonds
@@ -21,7 +21,7 @@ class Bones:
 
 
 @wp.struct
-class Surface:
+class OffsetSurface:
     """Faces between vertices, and how far beside the vertices it lies."""
 
     faces: wp.array(dtype=wp.vec3i)  # (face,) those that make normals
@@ -36,7 +36,7 @@ class Surface:
 
 @wp.kernel(enable_backward=False)
 def pose_vertices(
-    bones: Bones,
+    bones: SkinWeights,
     positions: wp.array2d(dtype=wp.vec3),
     rotations: wp.array2d(dtype=wp.mat33),
     vertices: wp.array2d(dtype=wp.vec3),
@@ -56,7 +56,7 @@ def pose_vertices(
 
 
 @wp.func
-def _normal(surface: Surface, vertices: wp.array2d(dtype=wp.vec3), world: wp.int32, number: wp.int32) -> wp.vec3:
+def _normal(surface: OffsetSurface, vertices: wp.array2d(dtype=wp.vec3), world: wp.int32, number: wp.int32) -> wp.vec3:
     """What a face adds to the normals of its vertices."""
     face = surface.faces[number]
     a = vertices[world, surface.first_vertex + face[0]]
@@ -69,8 +69,8 @@ def _normal(surface: Surface, vertices: wp.array2d(dtype=wp.vec3), world: wp.int
 
 
 @wp.func
-def _put(
-    surface: Surface,
+def _write_offset(
+    surface: OffsetSurface,
     vertices: wp.array2d(dtype=wp.vec3),
     points: wp.array2d(dtype=wp.vec3),
     normals: wp.array2d(dtype=wp.vec3),
@@ -91,8 +91,8 @@ def _put(
 
 
 @wp.kernel(enable_backward=False)
-def swell(
-    surface: Surface,
+def offset_vertices(
+    surface: OffsetSurface,
     vertices: wp.array2d(dtype=wp.vec3),
     points: wp.array2d(dtype=wp.vec3),
     normals: wp.array2d(dtype=wp.vec3),
@@ -106,12 +106,12 @@ def swell(
     sum = wp.vec3(0.0, 0.0, 0.0)
     for entry in range(surface.starts[vertex], surface.starts[vertex + 1]):
         sum += _normal(surface, vertices, world, surface.around[entry])
-    _put(surface, vertices, points, normals, world, vertex, sum)
+    _write_offset(surface, vertices, points, normals, world, vertex, sum)
 
 
 @wp.kernel(enable_backward=False)
-def swell_worlds(
-    surface: Surface,
+def offset_vertices_by_world(
+    surface: OffsetSurface,
     vertices: wp.array2d(dtype=wp.vec3),
     points: wp.array2d(dtype=wp.vec3),
     normals: wp.array2d(dtype=wp.vec3),
@@ -129,17 +129,17 @@ def swell_worlds(
         for k in range(3):
             normals[world, begin + face[k]] += normal
     for vertex in range(width):
-        _put(surface, vertices, points, normals, world, vertex, normals[world, begin + vertex])
+        _write_offset(surface, vertices, points, normals, world, vertex, normals[world, begin + vertex])
 
 
 @dataclass(frozen=True, eq=False)
-class Hull:
+class Shell:
     """A surface on the host.
 
     Attributes:
         faces: (face, 3) int32, those that make the vertices' normals, counted from its first vertex.
         num_vertices: Of the surface.
-        offset: See ``Surface``, as for the rest.
+        offset: See ``OffsetSurface``, as for the rest.
         by_area: See there.
         first_vertex: See there.
         first_point: See there.
@@ -155,7 +155,7 @@ class Hull:
     both: bool
 
     def upload(self, device: wp.Device) -> Any:
-        surface = Surface()
+        surface = OffsetSurface()
         flat = self.faces.reshape(-1)
         order = np.argsort(flat, kind="stable")
         counts = np.bincount(flat, minlength=self.num_vertices)
@@ -167,21 +167,23 @@ class Hull:
         return surface
 
 
-def record_pose(bones: Any, positions: wp.array, rotations: wp.array, vertices: wp.array, device: wp.Device) -> Stage:
+def bind_skin(bones: Any, positions: wp.array, rotations: wp.array, vertices: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that writes ``vertices`` (world, vertex) of skins from the poses of bodies, (world, body)."""
-    return record(pose_vertices, vertices.size, [bones, positions, rotations, vertices], device)
+    return bind_launch(pose_vertices, vertices.size, [bones, positions, rotations, vertices], device)
 
 
-def record_swell(surface: Any, vertices: wp.array, points: wp.array, normals: wp.array, device: wp.Device) -> Stage:
+def bind_offset_vertices(
+    surface: Any, vertices: wp.array, points: wp.array, normals: wp.array, device: wp.Device
+) -> Stage:
     """Bind the stage that writes the points and normals, (world, point), of one surface from (world, vertex)."""
     inputs, worlds = [surface, vertices, points, normals], points.shape[0]
     if not device.is_cuda:
-        return record(swell_worlds, worlds, inputs, device)
-    return record(swell, worlds * (surface.starts.shape[0] - 1), inputs, device)
+        return bind_launch(offset_vertices_by_world, worlds, inputs, device)
+    return bind_launch(offset_vertices, worlds * (surface.starts.shape[0] - 1), inputs, device)
 
 
 @wp.kernel(enable_backward=False)
-def bind_vertices(
+def attach_vertices(
     bonds: wp.array2d(dtype=wp.vec4i),
     weights: wp.array2d(dtype=wp.vec4),
     particles: wp.array(dtype=wp.vec3),
@@ -210,8 +212,8 @@ def bind_vertices(
     vertices[mesh, vertex] = place
 
 
-def record_bind(
+def bind_attached_vertices(
     bonds: wp.array, weights: wp.array, particles: wp.array, bodies: wp.array, vertices: wp.array, device: wp.Device
 ) -> Stage:
-    """Bind the stage that writes ``vertices`` (mesh, vertex): see ``bind_vertices``."""
-    return record(bind_vertices, vertices.size, [bonds, weights, particles, bodies, vertices], device)
+    """Bind the stage that writes ``vertices`` (mesh, vertex): see ``attach_vertices``."""
+    return bind_launch(attach_vertices, vertices.size, [bonds, weights, particles, bodies, vertices], device)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from warpcam.accel.lru_cache import Kept, key_of
+from warpcam.accel.lru_cache import LruCache, key_of
 from warpcam.textures.pack import TextureImage, pack_textures
 
 
 def test_the_last_ones_are_kept() -> None:
     built: list[str] = []
-    kept: Kept[np.ndarray] = Kept(200, lambda result: result.nbytes)
+    kept: LruCache[np.ndarray] = LruCache(200, lambda result: result.nbytes)
 
     def get(name: str, size: int = 100) -> np.ndarray:
         return kept.get(name.encode(), lambda: built.append(name) or np.zeros(size, np.uint8))
@@ -26,7 +26,7 @@ def test_the_last_ones_are_kept() -> None:
 
 
 def test_what_two_threads_have_built_counts_once() -> None:
-    kept: Kept[np.ndarray] = Kept(200, lambda result: result.nbytes)
+    kept: LruCache[np.ndarray] = LruCache(200, lambda result: result.nbytes)
     first, second = np.zeros(100, np.uint8), np.ones(100, np.uint8)
     for result in (first, second):  # neither found it
         kept.keep(b"a", result)

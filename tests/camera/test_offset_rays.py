@@ -12,7 +12,7 @@ from offset_ray_lenses import parallel, pinholes, swaying
 from ray_table_scenes import ASSETS, PLACE, SCENE, TURN, camera, rendered
 
 import warpcam as wc
-from warpcam.accel import ray_tables as tables
+from warpcam.accel import ray_tables
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ LENSES = {
     "pinhole": lambda: pinholes(0.1, 0.3),
     "random": lambda: wc.Rays(random_rays(1), origins=np.random.default_rng(2).uniform(-0.5, 0.5, (HEIGHT, WIDTH, 3))),
     "curled": lambda: wc.Rays(curled_rays(), origins=swaying()),
-    "from far away": lambda: wc.Rays(-random_rays(3), origins=6.0 * tables.unit(random_rays(3))),
+    "from far away": lambda: wc.Rays(-random_rays(3), origins=6.0 * ray_tables.unit(random_rays(3))),
 }
 
 
@@ -50,7 +50,7 @@ def test_each_pixel_is_its_ray(model: tuple[Any, Any], name: str, device: wp.Dev
     turn, found = np.zeros(9), np.zeros(1, np.int32)
     mujoco.mju_quat2Mat(turn, TURN / np.linalg.norm(TURN))
     matrix = turn.reshape(3, 3)
-    rays = tables.unit(lens.rays(WIDTH, HEIGHT, 1, "lens")[0])
+    rays = ray_tables.unit(lens.rays(WIDTH, HEIGHT, 1, "lens")[0])
     starts = lens.starts(WIDTH, HEIGHT, 1, "lens")[0]
     outwards, places = rays @ matrix.T, np.asarray(PLACE) + starts @ matrix.T
     free = ~inside(mjm, mjd, places.reshape(-1, 3)).reshape(HEIGHT, WIDTH)

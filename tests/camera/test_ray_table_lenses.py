@@ -12,7 +12,7 @@ from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 from ray_table_scenes import ASSETS, PLACE, SCENE, TURN, WORLDS, camera, rendered
 
 import warpcam as wc
-from warpcam.accel import ray_tables as tables
+from warpcam.accel import ray_tables
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_each_pixel_is_its_ray(model: tuple[Any, Any], name: str, device: wp.Dev
     lens = LENSES[name]()
     outputs = ("depth", "distance", "segmentation", "points")
     seen = rendered(wc.from_mujoco(mjm, mjd, device=device), camera(lens, outputs=outputs))[0]
-    rays = tables.unit(lens.rays(WIDTH, HEIGHT, 1, "lens")[0])
+    rays = ray_tables.unit(lens.rays(WIDTH, HEIGHT, 1, "lens")[0])
     turn, found = np.zeros(9), np.zeros(1, np.int32)
     mujoco.mju_quat2Mat(turn, TURN / np.linalg.norm(TURN))
     outwards = rays @ turn.reshape(3, 3).T
@@ -174,7 +174,7 @@ def turned(rays: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
     """The same rays along the world's axes."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, quaternion / np.linalg.norm(quaternion))
-    return tables.unit(rays) @ turn.reshape(3, 3).T
+    return ray_tables.unit(rays) @ turn.reshape(3, 3).T
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])

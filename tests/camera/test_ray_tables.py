@@ -5,16 +5,15 @@ import pytest
 from custom_ray_tables import HEIGHT, WIDTH, curled_rays, random_rays
 
 import warpcam as wc
-from warpcam.accel import offset_ray_tables
-from warpcam.accel import ray_tables as tables
+from warpcam.accel import offset_ray_tables, ray_tables
 
 
 def test_cones_hold_their_rays() -> None:
     """Whatever a tile's rays are, they lie in its cone; and all are in the table."""
     for rays in (random_rays(7), curled_rays(), -np.abs(random_rays(8)), np.tile(random_rays(9)[:1, :1], (6, 5, 1))):
-        unit = tables.unit(rays[None])
+        unit = ray_tables.unit(rays[None])
         height, width = rays.shape[:2]
-        packed = tables.pack_rays(rays[None])
+        packed = ray_tables.pack_rays(rays[None])
         tiles = -(-width // 8) * -(-height // 4)
         cones = packed[0, : 4 * tiles].reshape(-(-height // 4), -(-width // 8), 4).repeat(4, axis=0).repeat(8, axis=1)
         cones = cones[:height, :width]
@@ -25,13 +24,13 @@ def test_cones_hold_their_rays() -> None:
         rate = 2.0 / (1.0 + x * x + y * y)
         back = np.stack([rate * x, rate * y, 1.0 - rate], axis=-1)
         assert np.abs(back - unit[0]).max() < 3e-7
-    narrow = tables.tile_cones(tables.unit(wc.Fisheye(fovy=90.0).rays(64, 64, 1, "lens")))[0]
+    narrow = ray_tables.tile_cones(ray_tables.unit(wc.Fisheye(fovy=90.0).rays(64, 64, 1, "lens")))[0]
     assert (np.degrees(np.arccos(narrow[:, 3])) < 8.0).all()  # or tiles would see what they need not
 
 
 def test_directions_straight_back() -> None:
-    points = tables.flattened(
-        tables.unit(np.array([[0.0, 0.0, 1.0], [1e-9, 0.0, 1.0], [1e-3, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    points = ray_tables.flattened(
+        ray_tables.unit(np.array([[0.0, 0.0, 1.0], [1e-9, 0.0, 1.0], [1e-3, 0.0, 1.0], [0.0, 0.0, 0.0]]))
     )
     assert np.isfinite(points).all()
     rate = 2.0 / (1.0 + (points[:3] ** 2).sum(axis=-1))
@@ -41,7 +40,7 @@ def test_directions_straight_back() -> None:
 
 def test_fisheyes_numbers() -> None:
     k = (0.05, -0.01, 0.002, -0.0003)
-    rays = tables.unit(wc.Fisheye(fx=20.0, fy=21.0, cx=22.0, cy=14.0, k=k).rays(WIDTH, HEIGHT, 1, "lens")[0])
+    rays = ray_tables.unit(wc.Fisheye(fx=20.0, fy=21.0, cx=22.0, cy=14.0, k=k).rays(WIDTH, HEIGHT, 1, "lens")[0])
     angle = np.arccos(-rays[..., 2])
     bent = angle * (1 + sum(one * angle ** (2 * power + 2) for power, one in enumerate(k)))
     length = np.hypot(rays[..., 0], rays[..., 1])
@@ -49,9 +48,9 @@ def test_fisheyes_numbers() -> None:
     np.testing.assert_allclose(20.0 * bent * rays[..., 0] / length + 22.0, column, atol=1e-9)
     np.testing.assert_allclose(14.0 - 21.0 * bent * rays[..., 1] / length, row, atol=1e-9)
     edge = wc.Fisheye(fovy=220.0, k=(0.02, 0.0, 0.0, 0.0)).rays(1, 2001, 1, "lens")[0, :, 0]
-    assert np.degrees(np.arccos(-tables.unit(edge)[0, 2])) == pytest.approx(110.0, abs=0.2)
+    assert np.degrees(np.arccos(-ray_tables.unit(edge)[0, 2])) == pytest.approx(110.0, abs=0.2)
     folds = wc.Fisheye(fx=10.0, k=(-0.2, 0.0, 0.0, 0.0)).rays(64, 64, 1, "lens")
-    greatest = np.degrees(np.arccos(-tables.unit(folds)[folds.any(axis=-1)][:, 2]).max())
+    greatest = np.degrees(np.arccos(-ray_tables.unit(folds)[folds.any(axis=-1)][:, 2]).max())
     assert greatest < np.degrees(np.sqrt(1 / 0.6)) and not folds[0, 0, 0].any()
 
 
@@ -80,14 +79,14 @@ def test_balls_hold_where_rays_begin() -> None:
     random = np.random.default_rng(4)
     rays, places = random_rays(5), random.normal(size=(HEIGHT, WIDTH, 3)) * (1.0, 20.0, 0.01)
     rays[:9, :17] = 0.0  # whole tiles see nothing
-    packed = offset_ray_tables.pack_spread(rays[None], places[None])[0]
-    assert len(packed) == offset_ray_tables.spread_floats(WIDTH, HEIGHT)
+    packed = offset_ray_tables.pack_offset_rays(rays[None], places[None])[0]
+    assert len(packed) == offset_ray_tables.offset_table_floats(WIDTH, HEIGHT)
     seeing, tiles = rays.any(axis=-1), (-(-HEIGHT // 4), -(-WIDTH // 8))
     whole, by_tile, pixels = np.split(packed, [4, 4 + 8 * tiles[0] * tiles[1]])
     assert (np.linalg.norm(places - whole[:3], axis=-1)[seeing] <= whole[3]).all()
     by_tile = by_tile.reshape(*tiles, 8).repeat(4, axis=0).repeat(8, axis=1)[:HEIGHT, :WIDTH]
     cones, balls = by_tile[..., :4], by_tile[..., 4:]
-    unit = tables.unit(rays)
+    unit = ray_tables.unit(rays)
     assert ((cones[..., :3] * unit).sum(axis=-1) >= cones[..., 3] - 1e-6)[seeing].all()
     off = np.linalg.norm(places.astype(np.float32) - balls[..., :3], axis=-1)
     assert (off <= balls[..., 3] * (1 + 1e-6))[seeing].all()
@@ -108,7 +107,7 @@ def test_pixels_that_go_on_into_each_other() -> None:
     rays[4:] += (0.0, 0.4, 0.0)  # jumps
     rays[0, 2] = 0.0
     seeing = rays.any(axis=-1)
-    bits = offset_ray_tables.bits_of(tables.unit(rays)[None], places[None].astype(np.float32), seeing[None])[0]
+    bits = offset_ray_tables.bits_of(ray_tables.unit(rays)[None], places[None].astype(np.float32), seeing[None])[0]
     every = offset_ray_tables.LEFT | offset_ray_tables.RIGHT | offset_ray_tables.UP | offset_ray_tables.DOWN
     assert bits[2, 2] == every and bits[2, 8] == every
     assert bits[2, 4] == every & ~offset_ray_tables.RIGHT and bits[2, 5] == every & ~offset_ray_tables.LEFT

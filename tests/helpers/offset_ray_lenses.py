@@ -6,7 +6,7 @@ import numpy as np
 from custom_ray_tables import HEIGHT, WIDTH
 
 import warpcam as wc
-from warpcam.accel import ray_tables as tables
+from warpcam.accel import ray_tables
 
 COLUMN, ROW = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
 SPAN = 2.7  # metres from bottom to top, of parallel rays
@@ -23,7 +23,7 @@ def parallel() -> wc.Rays:
 def pinholes(ahead: float, more: float) -> wc.Rays:
     """A pinhole's rays that begin farther along them, the more the farther to the right."""
     rays = np.stack([(COLUMN - 0.5 * WIDTH) / FOCAL, (0.5 * HEIGHT - ROW) / FOCAL, np.full_like(ROW, -1.0)], -1)
-    return wc.Rays(rays, origins=(ahead + more * COLUMN / WIDTH)[..., None] * tables.unit(rays))
+    return wc.Rays(rays, origins=(ahead + more * COLUMN / WIDTH)[..., None] * ray_tables.unit(rays))
 
 
 def swaying(seed: int = 5) -> np.ndarray:

@@ -51,7 +51,7 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
     real = wp.Device.is_cuda.fget
     monkeypatch.setattr(wp.Device, "is_cuda", property(lambda self: _chooses(sys._getframe(1)) or real(self)))
     monkeypatch.setattr(wp.Device, "sm_count", property(lambda _: 1), raising=False)
-    monkeypatch.setattr("warpcam.render.renderer.bind", stages.extend)
+    monkeypatch.setattr("warpcam.render.renderer.prepare", stages.extend)
     with wp.ScopedDevice("cpu"):
         yield stages
 
@@ -175,7 +175,7 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     import newton_scenes
     import splat_scenes
 
-    from warpcam.sources.newton.options import Choice
+    from warpcam.sources.newton.options import NewtonOptions
     from warpcam.sources.newton.source import load
 
     builder = newton_scenes.cloth()
@@ -183,7 +183,7 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     if theirs:
         ball = newton.Mesh.create_sphere(0.3, compute_inertia=False)
         builder.add_shape_mesh(body=-1, mesh=ball, scale=(1.0, 2.0, 1.0))
-    choice = Choice(solid=theirs, lit_normals=theirs, backs=theirs or None)
+    choice = NewtonOptions(solid=theirs, lit_normals=theirs, backs=theirs or None)
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, folder) >= 3

@@ -8,8 +8,8 @@ import warp as wp
 from native_kernel import native_kernel
 
 from warpcam.kernels import types
-from warpcam.kernels.passes import shading as resolve
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.passes import shading
+from warpcam.kernels.scene_tables import SceneTables
 
 DEVICES = [str(device) for device in wp.get_devices()]
 DIRECTIONAL, SPOT, POINT = types.LIGHT_DIRECTIONAL, types.LIGHT_SPOT, 2
@@ -228,7 +228,7 @@ def ball_tables(device, worlds, count):
     background.skybox = -1
     empty = (types.Meshes(), types.HeightFields(), types.Materials(), types.Textures())
     lights = make_lights([], device, everywhere=2.0)
-    return Tables(
+    return SceneTables(
         shapes, *empty, lights, background, num_worlds=worlds, num_drawn=count, num_lights=0,
         num_shapes=count, num_faces=0, shape_types=frozenset([types.SPHERE]), has_materials=False, has_textures=False,
         has_skybox=False,
@@ -238,7 +238,7 @@ def ball_tables(device, worlds, count):
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("lens", ["pinhole", "orthographic"])
 @pytest.mark.parametrize(
-    ("width", "height", "count"), [(8, 6, 2), (20, 10, 2), (22, 9, 2), (24, 17, resolve.MAX_KEPT + 1)]
+    ("width", "height", "count"), [(8, 6, 2), (20, 10, 2), (22, 9, 2), (24, 17, shading.MAX_KEPT + 1)]
 )
 def test_images_of_a_ball(lens, width, height, count, device):
     """Two of three worlds are drawn; of all that is written the closed form is known."""
@@ -267,9 +267,9 @@ def test_images_of_a_ball(lens, width, height, count, device):
 
     images = {
         name: wp.full((worlds, height, width, channels), 9, dtype=dtype, device=device)
-        for name, (dtype, channels) in resolve.OUTPUTS.items()
+        for name, (dtype, channels) in shading.OUTPUTS.items()
     }
-    resolve.record(
+    shading.bind(
         images, lens, ball_tables(device, worlds, count), wp.array([view] * worlds, dtype=types.View, device=device),
         wp.array([1, 0, 1], dtype=wp.uint8, device=device), repeated(depth, wp.float32), repeated(shape, wp.int32),
         repeated(shape, wp.int32), None, width, height, wp.get_device(device),
@@ -290,4 +290,4 @@ def test_images_of_a_ball(lens, width, height, count, device):
 
 def test_an_output_made_elsewhere_is_named():
     with pytest.raises(ValueError, match=r"\['flow'\] are not made here"):
-        resolve.record({"flow": None}, "pinhole", None, None, None, None, None, None, None, 1, 1, None)
+        shading.bind({"flow": None}, "pinhole", None, None, None, None, None, None, None, 1, 1, None)

@@ -38,9 +38,9 @@ def look_up(
 def horizons_of(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
     """The mesh with its horizons, and the corners of its faces (face, 3, 3) in leaf order."""
     meshes, count = pack_meshes([Mesh("shape", points, faces)], wp.get_device(device))
-    if not horizon_maps.are_kept(wp.get_device(device)):
+    if not horizon_maps.uses_horizon_maps(wp.get_device(device)):
         assert not meshes.faces.numpy().view(np.int32).reshape(-1, 3, 4)[:, 2, 3].any()
-        horizon_maps.find_horizons(meshes, np.zeros(count, np.int32), wp.get_device(device))
+        horizon_maps.build_horizon_maps(meshes, np.zeros(count, np.int32), wp.get_device(device))
     return meshes, meshes.faces.numpy().reshape(-1, 3, 4)[:, :, :3].astype(np.float64)
 
 
@@ -90,7 +90,7 @@ def test_nothing_is_in_the_way_around_a_ball(device: str):
 @pytest.mark.parametrize("device", DEVICES)
 def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
     """Also beside a mesh without faces, and where several are the same."""
-    monkeypatch.setattr(horizon_maps, "are_kept", lambda device: True)
+    monkeypatch.setattr(horizon_maps, "uses_horizon_maps", lambda device: True)
     empty = Mesh("empty", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int32))
     ball, hills = (Mesh(name, *SHAPES[name]()) for name in ("ball", "hills"))
 

@@ -53,7 +53,7 @@ def with_shutters(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[M
     mesh = Mesh("shape", points, faces)
     meshes, _ = pack_meshes([mesh], wp.get_device(device))
     tree = build_bvh4(points, faces, cache=False)
-    meshes.shutters = occluder_boxes.pack_shutters(meshes, [tree.faces], [0], wp.get_device(device))
+    meshes.shutters = occluder_boxes.pack_occluder_boxes(meshes, [tree.faces], [0], wp.get_device(device))
     return meshes, points[faces].astype(np.float64)
 
 
@@ -120,7 +120,7 @@ def test_each_mesh_has_its_own(device: str, monkeypatch: pytest.MonkeyPatch):
         packed = pack_meshes(meshes, wp.get_device(device))[0]
         trees = {id(mesh): build_bvh4(mesh.vertices, mesh.faces, cache=False).faces for mesh in meshes}
         holders = [next(i for i, other in enumerate(meshes) if other is mesh) for mesh in dict.fromkeys(meshes)]
-        found = occluder_boxes.pack_shutters(
+        found = occluder_boxes.pack_occluder_boxes(
             packed, [trees[id(meshes[i])] for i in holders], holders, wp.get_device(device)
         )
         return found.numpy().reshape(len(meshes), -1)
@@ -139,7 +139,7 @@ def test_outlines_hold_all_points(count: int, scale: tuple[float, ...]):
     random = np.random.default_rng(count)
     points = (random.normal(size=(count, 3)) * scale + (5.0, -2.0, 0.3)).astype(np.float32)
     outline = occluder_boxes.outline(points)
-    assert outline.shape == (occluder_boxes.SHUTTERS, 3)
+    assert outline.shape == (occluder_boxes.MAX_OCCLUDER_BOXES, 3)
     directions = random.normal(size=(3000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     beyond = (points @ directions.T).max(axis=0) - (outline @ directions.T).max(axis=0)

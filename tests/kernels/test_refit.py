@@ -32,7 +32,7 @@ def test_boxes_hold_their_faces_tightly(device: wp.Device, monkeypatch: Any, two
     random = np.random.default_rng(cells)
     moved = random.normal(size=(5 + instances * len(points), 3)).astype(np.float32)
     bases = 5 + len(points) * np.arange(instances)
-    tree = refit.Tree(meshes, np.arange(instances), bases, faces, device, two_sided=two_sided)
+    tree = refit.DeformingTree(meshes, np.arange(instances), bases, faces, device, two_sided=two_sided)
     for stage in tree.record(wp.array(moved, dtype=wp.vec3, device=device)):
         stage.launch()
     nodes, rows = meshes.nodes.numpy(), meshes.faces.numpy()

@@ -142,8 +142,8 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
     if device.is_cuda:
         pytest.skip("launches are split on a CPU")
     woken = []
-    wake = launch._wake
-    monkeypatch.setattr(launch, "_wake", lambda work, threads: woken.append(threads) or wake(work, threads))
+    wake = launch._submit
+    monkeypatch.setattr(launch, "_submit", lambda work, threads: woken.append(threads) or wake(work, threads))
     monkeypatch.setattr(visibility, "cpu_threads", lambda: 1)  # the same regions
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
@@ -164,7 +164,7 @@ def test_a_frame_does_not_wait_for_threads_that_do_not_come(device: wp.Device, m
     if device.is_cuda:
         pytest.skip("launches are split on a CPU")
     monkeypatch.setattr(launch, "cpu_threads", lambda: 3)
-    monkeypatch.setattr(launch, "WORTH_WAKING", 1e-12)
+    monkeypatch.setattr(launch, "MIN_SECONDS_PER_THREAD", 1e-12)
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
     camera = scenes.own_camera(width=40, height=24, outputs=("depth",), position=(0.0, 0.0, 3.0))
@@ -193,4 +193,4 @@ def test_threads_that_came_before_one_could_not_are_waited_for(monkeypatch: pyte
             return how(work)
 
         monkeypatch.setattr(launch, "_pool", lambda: SimpleNamespace(submit=submit))
-        assert [other.result() for other in launch._wake(lambda: 1.0, 3)] == [1.0]
+        assert [other.result() for other in launch._submit(lambda: 1.0, 3)] == [1.0]

@@ -5,7 +5,7 @@ import pytest
 import warp as wp
 
 from warpcam.accel.meshes import Mesh, pack_meshes
-from warpcam.kernels.update.refit import Tree
+from warpcam.kernels.update.refit import DeformingTree
 
 SIDE = 24  # vertices along a side of the sheet
 
@@ -32,7 +32,7 @@ class Sheets:
         mesh = Mesh("sheet", start, self.faces, moves=True)
         self.device, self.meshes = device, pack_meshes([mesh, mesh], device)[0]
         bases = np.array((0, len(vertices)))
-        self.tree = Tree(self.meshes, np.arange(2), bases, self.faces, device)
+        self.tree = DeformingTree(self.meshes, np.arange(2), bases, self.faces, device)
         self.points = wp.array(np.concatenate((start, start)), dtype=wp.vec3, device=device)
         self.stages = self.tree.record(self.points)
 

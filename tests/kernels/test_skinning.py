@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpcam.kernels.runtime.launch import record
-from warpcam.kernels.update.skinning import Hull, swell, swell_worlds
+from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.kernels.update.skinning import Shell, offset_vertices, offset_vertices_by_world
 
 WORLDS, COUNT = 3, 5
 
@@ -19,15 +19,15 @@ def test_a_world_for_each_index_is_the_same(device: wp.Device, both: bool, by_ar
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]))
     faces = np.concatenate((np.stack((a, b, c), axis=1), np.stack((c, b, d), axis=1))).astype(np.int32)
     vertices = rng.normal(size=(WORLDS, 1 + number.size + 1, 3)).astype(np.float32)
-    hull = Hull(faces, number.size + 1, 0.01, by_area, first_vertex=1, first_point=2, both=both)
+    hull = Shell(faces, number.size + 1, 0.01, by_area, first_vertex=1, first_point=2, both=both)
     surface = hull.upload(device)
     seen = []
-    for kernel, dim in ((swell, WORLDS * (number.size + 1)), (swell_worlds, WORLDS)):
+    for kernel, dim in ((offset_vertices, WORLDS * (number.size + 1)), (offset_vertices_by_world, WORLDS)):
         points, normals = (
             wp.full((WORLDS, 2 + 2 * (number.size + 1)), wp.vec3(7.0), dtype=wp.vec3, device=device) for _ in range(2)
         )
         placed = wp.array(vertices, dtype=wp.vec3, device=device)
-        record(kernel, dim, [surface, placed, points, normals], device).launch()
+        bind_launch(kernel, dim, [surface, placed, points, normals], device).launch()
         seen.append((points.numpy(), normals.numpy()))
     (points, normals), (others, other_normals) = seen
     np.testing.assert_allclose(others, points, rtol=0, atol=1e-6)

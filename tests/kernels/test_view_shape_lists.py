@@ -10,7 +10,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.kernels.passes import view_shape_lists, visibility
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.scene_tables import SceneTables
 
 SHAPES = """
   <geom type="sphere" size=".2" pos="-.7 .3 0" rgba="1 1 1 0"/>
@@ -155,7 +155,7 @@ def test_which_images_are_listed_ahead() -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
     many = replace(tables, num_worlds=500)
 
-    def listed(width: int, height: int, *outputs: str, of: Tables = many) -> int:
+    def listed(width: int, height: int, *outputs: str, of: SceneTables = many) -> int:
         return view_shape_lists.capacity_of(of, "pinhole", width, height, ("depth", *outputs), device)
 
     assert [listed(64, 64), listed(128, 72), listed(640, 480, "flow", "normals"), listed(1008, 504)] == [16] * 4

@@ -10,7 +10,7 @@ from sphere_scenes import BALL, NUM_WORLDS, Simulation, every_device, host, on_c
 
 import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
-from warpcam.kernels.runtime.streams import quiet_stream
+from warpcam.kernels.runtime.streams import nonblocking_stream
 
 
 @on_cuda
@@ -85,7 +85,7 @@ def test_frames_are_in_order_with_what_takes_long(blocking: bool) -> None:
         expected[x] = renderer.render()["top"]["depth"].clone()
         torch.cuda.synchronize()
     device = wp.get_device("cuda:0")
-    stream = wp.Stream(device) if blocking else quiet_stream(device)
+    stream = wp.Stream(device) if blocking else nonblocking_stream(device)
     assert stream.is_blocking is blocking
     depth = renderer.images["top"]["depth"]
     with wp.ScopedStream(stream):

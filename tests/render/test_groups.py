@@ -49,7 +49,7 @@ def test_groups_of_worlds_make_the_same_images(
         np.testing.assert_array_equal(tensor[[0, 7]].cpu().numpy(), expected["top"][name][[0, 7]].cpu().numpy())
 
 
-class Interleaved(rendering.Frame):
+class Interleaved(rendering.FrameGraph):
     """Chains that run beside each other, as they may on a GPU: a stage of each in turn, or one chain after another."""
 
     backwards = False
@@ -77,18 +77,18 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
     whole.render()
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
-    monkeypatch.setattr(rendering, "Frame", Interleaved)
+    monkeypatch.setattr(rendering, "FrameGraph", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 
     def in_chains(self: wc.Renderer, tables: Any, images: Any) -> Any:
-        made.append(self._scratch.chains(images, rendering.PARTS))
+        made.append(self._scratch.chains(images, rendering.CHAINS))
         return made[-1]
 
     monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
     monkeypatch.setattr(wc.Renderer, "_chains", in_chains)
     chained = wc.Renderer(scene, cameras)
-    assert [len(chain) > 1 for chain in made[0]] == [True] * rendering.PARTS
+    assert [len(chain) > 1 for chain in made[0]] == [True] * rendering.CHAINS
     chained.render()
     for _ in range(2):
         for key, images in chained.render().items():
@@ -128,20 +128,20 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
-    monkeypatch.setattr(rendering, "Frame", Interleaved)
+    monkeypatch.setattr(rendering, "FrameGraph", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 
     def counted(self: wc.Renderer, phases: Any, images: Any) -> Any:
-        late = {key: target.late_images for key, target in self._targets.items()}
-        made.append((len(phases), self._scratch.phases_of_turns(images, late, rendering.TURNS)))
+        late = {key: target.written_by_last_stage for key, target in self._passes.items()}
+        made.append((len(phases), self._scratch.phases_of_rounds(images, late, rendering.ROUNDS)))
         return made[-1][1]
 
     monkeypatch.setattr(wc.Renderer, "_fewer", counted)
     turned = wc.Renderer(scene, cameras)
     [(plain, phases)] = made
     assert len(phases) <= plain
-    assert max(map(len, phases)) == rendering.TURNS
+    assert max(map(len, phases)) == rendering.ROUNDS
     assert borrows(phases, turned) == (more != GLASS)
     turned.render()
     for _ in range(2):
@@ -157,7 +157,7 @@ def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.Monkey
     plain = [[portions] for portions in renderer._scratch.phases(images)]
     fewer = renderer._fewer(plain, images)
     assert len(fewer) < len(plain)
-    assert {len(turns) for turns in fewer} == {rendering.TURNS}
+    assert {len(turns) for turns in fewer} == {rendering.ROUNDS}
     assert renderer._fewer(plain[:1], images) == plain[:1]
 
 
@@ -201,7 +201,7 @@ def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
     block.allocate()
     late = {"top": ["rgb"], "side": ["rgb"]}
     drawn: set[tuple[str | int, str, int]] = set()  # images that are there
-    for phase in block.phases_of_turns(images, late, turns):
+    for phase in block.phases_of_rounds(images, late, turns):
         portions = [portion for turn in phase for portion in turn]
         drawn |= {(p.camera, "depth", world) for p in portions if p.camera == "top" for world in p.worlds}
         taken: list[tuple[int, int]] = []
@@ -225,7 +225,8 @@ def test_no_chains_where_their_share_has_no_room_for_a_world(monkeypatch: pytest
     camera_of_few = camera(outputs=("rgb",), shadows=True)
     tables = scene_of("cpu", 2).tables()
     assert (
-        scratch_memory.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.PARTS) is None
+        scratch_memory.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.CHAINS)
+        is None
     )
 
 

@@ -14,7 +14,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
-from warpcam.kernels.runtime.launch import Frame
+from warpcam.kernels.runtime.launch import FrameGraph
 
 MOST = 100  # calls of Python functions in `render()`, of which thirty microseconds are enough for more
 MODEL = """
@@ -50,7 +50,7 @@ def calls_of(renderer: wc.Renderer) -> int:
 
 def test_a_frame_runs_little_python(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     if not device.is_cuda:  # where kernels are launched one by one, as there is no graph to replay
-        monkeypatch.setattr(Frame, "launch", lambda self, *stream: None)
+        monkeypatch.setattr(FrameGraph, "launch", lambda self, *stream: None)
     few = calls_of(renderer_of(1, "a", ("depth",)))
     assert 0 < few <= MOST
     assert calls_of(renderer_of(300, "abcd", tuple(OUTPUTS))) <= few + 3  # flow's own

@@ -14,7 +14,7 @@ from small_scene import GLASS, MIRROR, camera, scene_of
 
 import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
-from warpcam.kernels.runtime.flatten import flat
+from warpcam.kernels.runtime.flatten import flatten
 from warpcam.render import memory, scratch_memory
 
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
@@ -249,8 +249,8 @@ def test_images_of_more_numbers_than_a_dimension_counts() -> None:
     here = wp.zeros(1, dtype=wp.uint8, device="cpu")
     large = wp.array(ptr=here.ptr, shape=(2**14, 2**8, 2**8, 3), dtype=wp.uint8, device="cpu")
     small = wp.zeros((2, 3, 4, 3), dtype=wp.float32, device="cpu")
-    assert flat(large).ptr == here.ptr and flat(large).shape == (2**30,)
-    assert flat(small).ptr == small.ptr and flat(small).shape == (72,)
+    assert flatten(large).ptr == here.ptr and flatten(large).shape == (2**30,)
+    assert flatten(small).ptr == small.ptr and flatten(small).shape == (72,)
 
 
 def test_free_memory_is_known(device: wp.Device) -> None:

@@ -9,13 +9,12 @@ from sphere_scenes import BALL, MODEL, NUM_WORLDS, Simulation, every_device, hos
 
 import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
-from warpcam.kernels.passes import shading as resolve
-from warpcam.kernels.passes import shadow, visibility
+from warpcam.kernels.passes import shading, shadow, visibility
 
 
 def test_outputs_agree_with_the_kernel_that_makes_them() -> None:
     derived = {name: (output.dtype, output.channels) for name, output in OUTPUTS.items() if output.trace is None}
-    assert derived == dict(resolve.OUTPUTS)
+    assert derived == dict(shading.OUTPUTS)
 
 
 @every_device
@@ -42,7 +41,7 @@ def test_images_do_not_depend_on_regions(device: str, monkeypatch: pytest.Monkey
     simulation = Simulation(device)
     camera = wc.Camera("side", width=21, height=13, outputs=("rgb", "depth", "segmentation"), shadows=True)
     expected = host(wc.Renderer(simulation.scene, [camera]).render(), "side")
-    for module in (visibility, shadow, resolve):
+    for module in (visibility, shadow, shading):
         monkeypatch.setattr(module, "region_size", lambda *_, **__: (16, 8))
     for name, image in host(wc.Renderer(simulation.scene, [camera]).render(), "side").items():
         np.testing.assert_array_equal(image, expected[name], err_msg=name)

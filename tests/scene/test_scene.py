@@ -8,7 +8,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.kernels import types
-from warpcam.scene.source import FIELDS
+from warpcam.scene.source import LIVE_ARRAYS
 
 every_device = pytest.mark.parametrize("device", [device.alias for device in wp.get_devices()])
 
@@ -92,7 +92,7 @@ def test_tables_hold_the_model(kind: str, device: str) -> None:
 def test_both_sources_read_the_same() -> None:
     mjm, mjd = compile_model()
     classic, live = (make(kind, mjm, mjd, "cpu", num_worlds=2) for kind in ("mujoco", "mujoco_warp"))
-    for name in FIELDS:
+    for name in LIVE_ARRAYS:
         assert classic.array(name).dtype is live.array(name).dtype
         np.testing.assert_allclose(classic.array(name).numpy(), live.array(name).numpy(), atol=1e-6, err_msg=name)
 

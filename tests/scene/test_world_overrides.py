@@ -15,7 +15,7 @@ from pxr import Usd
 
 import warpcam as wc
 from warpcam.core.errors import WarpcamError
-from warpcam.scene.world_overrides import names_of
+from warpcam.scene.world_overrides import override_names
 
 WORLDS = 3
 SIZE = 24
@@ -220,7 +220,7 @@ def test_cameras_have_backgrounds_for_each_world(device: wp.Device) -> None:
 
 
 def test_nothing_may_be_varied_that_is_not_tried_here(device: wp.Device) -> None:
-    assert set(names_of(make("mujoco_warp", device)._parts)) == set(CHANGES)
+    assert set(override_names(make("mujoco_warp", device)._parts)) == set(CHANGES)
 
 
 @pytest.mark.parametrize("seen_through", [False, True])

@@ -12,7 +12,7 @@ from PIL import Image
 
 import warpcam as wc
 from warpcam.core.errors import WarpcamError
-from warpcam.scene.world_overrides import names_of
+from warpcam.scene.world_overrides import override_names
 
 pytest.importorskip("pxr.Usd")
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
@@ -98,7 +98,7 @@ CHANGES: dict[str, Callable[[torch.Tensor], Any]] = {
 def test_names(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
     """All that may be varied is tried here, and nothing may be that no image shows."""
     scene = make(stage, tmp_path, device)
-    assert set(names_of(scene._parts)) == set(CHANGES)
+    assert set(override_names(scene._parts)) == set(CHANGES)
     for name in ("material_color", "material_emission", "material_specular", "material_shininess"):
         with pytest.raises(WarpcamError, match=f"vary: '{name}' came; in this scene it may be shape_colors, "):
             scene.vary(name)

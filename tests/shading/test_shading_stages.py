@@ -32,7 +32,7 @@ def test_a_cloth_is_shaded_as_it_lies_after_frames_of_depth_alone(device):
             wc.Renderer(scene, [wc.Camera("top", width=32, height=32, outputs=outputs)])
             for outputs in (("depth", "segmentation"), ("depth", "rgb"))
         )
-        assert not any(stage.shading for stage in plain._recording().frames[True].stages)
+        assert not any(stage.for_shading_only for stage in plain._recording().frames[True].stages)
         plain.render()
         flat = lit.render()["top"]["rgb"].float().cpu().numpy()[:, 16, 16].mean()
         vertices = d.flexvert_xpos.numpy()

@@ -154,7 +154,7 @@ def test_worlds_that_share_colours_otherwise_than_materials(device: wp.Device) -
         m.geom_rgba = wp.array([[(1.0, 0.0, 0.0, 1.0)], [(0.5, 0.5, 0.5, 1.0)]], dtype=wp.vec4)
         m.geom_matid = wp.array([[-1], [-1], [0]], dtype=wp.int32)
     layers = wc.from_mujoco_warp(mjm, m, d).tables().layers
-    assert layers is not None and layers.veiled
+    assert layers is not None and layers.has_transparent
 
 
 def test_of_too_many_some_are_solid_and_it_is_said(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:

@@ -44,7 +44,7 @@ def furrows(count: int = 14) -> newton.Mesh:
 
 @pytest.mark.parametrize("turned", TURNED)
 def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    if not horizon_maps.are_kept(device):
+    if not horizon_maps.uses_horizon_maps(device):
         pytest.skip("scenes of this device have no horizons")
     scale, rotation = TURNED[turned]
     builder = newton.ModelBuilder()
@@ -60,7 +60,7 @@ def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: p
         return np.concatenate([scenes.look(scene, camera)["hdr"] for scene in lit])
 
     spared = images(shadows=True)
-    monkeypatch.setattr(horizon_maps, "are_kept", lambda device: False)
+    monkeypatch.setattr(horizon_maps, "uses_horizon_maps", lambda device: False)
     walked = images(shadows=True)
     np.testing.assert_array_equal(spared, walked)
     assert (walked != images(shadows=False)).any(axis=-1).mean() > 0.01
@@ -73,7 +73,7 @@ def test_shutters_change_no_image(
     device: wp.Device, light: str, names: tuple[str, ...], turned: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """MuJoCo's: only there any face stops light, from whichever side."""
-    if not horizon_maps.are_kept(device):
+    if not horizon_maps.uses_horizon_maps(device):
         pytest.skip("scenes of this device have no shutters")
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(9.0, 9.0, 0.1))

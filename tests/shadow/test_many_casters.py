@@ -64,7 +64,7 @@ def test_shadows_are_those_of_every_caster(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch, lens: wc.Pinhole | wc.Orthographic, ends: bool, room: int
 ) -> None:
     mjm = crowded(400, ends)
-    monkeypatch.setattr(shadow, "CROWDS", (room,))
+    monkeypatch.setattr(shadow, "MANY_CASTERS_CAPACITIES", (room,))
     images = lit(mjm, lens)
     monkeypatch.setattr(shadow, "MOST", 0)
     wanted = lit(mjm, lens)

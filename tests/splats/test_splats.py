@@ -8,7 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.accel.gaussians import Cloud, pack_splats
+from warpcam.accel.gaussians import GaussianCloud, pack_gaussians
 
 newton = pytest.importorskip("newton")
 import splat_scenes  # noqa: E402, newton may be missing
@@ -351,7 +351,7 @@ def test_bounds_and_memory(device: wp.Device) -> None:
 )
 def test_bad_gaussians_are_named(device: wp.Device, changes: dict[str, Any], message: str) -> None:
     values = {"positions": np.zeros((1, 3)), **changes}
-    cloud = Cloud(
+    cloud = GaussianCloud(
         name="garden",
         positions=np.asarray(values["positions"], np.float32),
         rotations=np.asarray(values.get("rotations", [(1.0, 0.0, 0.0, 0.0)]), np.float32),
@@ -361,9 +361,9 @@ def test_bad_gaussians_are_named(device: wp.Device, changes: dict[str, Any], mes
         least_response=0.1,
     )
     with pytest.raises(wc.WarpcamError, match="splats 'garden': " + message):
-        pack_splats([cloud], [0], device)
+        pack_gaussians([cloud], [0], device)
 
 
 def test_too_many_clouds_are_counted(device: wp.Device) -> None:
     with pytest.raises(wc.WarpcamError, match="splats: 129 shapes came, at most 128 are allowed"):
-        pack_splats([], range(129), device)
+        pack_gaussians([], range(129), device)

@@ -7,7 +7,7 @@ from native_kernel import native_kernel
 
 from warpcam.kernels.types import Textures
 from warpcam.textures import mip_atlas
-from warpcam.textures.mip_atlas import cube_sheet_of, pack_sheets, sheet_of
+from warpcam.textures.mip_atlas import cube_mip_atlas_of, mip_atlas_of, pack_mip_atlases
 from warpcam.textures.pack import TextureImage, level_sizes, pack_textures
 
 SIZES = [(1, 1), (64, 32), (7, 5), (1, 9), (300, 20)]
@@ -88,7 +88,9 @@ def test_each_level_lies_where_kernels_look_with_its_other_side_around_it(width,
     pixels = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
     image = TextureImage("2d", pixels)
     levels = levels_of(image)
-    sheet = sheet_of(np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], width, height)
+    sheet = mip_atlas_of(
+        np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], width, height
+    )
     for (w, h, left, top), (level,) in zip(places(False, width, height).astype(int), levels, strict=True):
         assert (h, w) == level.shape[:2]
         around = np.pad(level, ((1, 1), (1, 1), (0, 0)), "wrap")
@@ -100,7 +102,7 @@ def test_around_each_face_of_a_cube_is_what_a_step_over_its_edge_shows(size):
     pixels = np.random.default_rng(1).integers(0, 256, (6, size, size, 3), np.uint8)
     image = TextureImage("cube", pixels)
     levels = levels_of(image)
-    sheet = cube_sheet_of(np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], size)
+    sheet = cube_mip_atlas_of(np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], size)
     for (side, apart, left, top), level in zip(places(True, size, size).astype(int), levels, strict=True):
         for face in range(6):
             first = left + face * apart
@@ -125,7 +127,7 @@ def test_the_hardware_shows_what_the_texels_do(device, kind):
     shape = (6, 24, 24, 3) if kind == "cube" else (40, 24, 3)
     images = [TextureImage(kind, rng.integers(0, 256, shape, np.uint8))]
     textures = pack_textures(images, device)
-    kept = pack_sheets(images, textures, device)
+    kept = pack_mip_atlases(images, textures, device)
     assert len(kept) == device.is_cuda
     count = 20_000
     directions = rng.normal(0.0, 2.0, (count, 3)).astype(np.float32)
@@ -149,6 +151,6 @@ def test_images_too_large_have_no_sheet_and_leave_room_to_others(device, monkeyp
     monkeypatch.setattr(mip_atlas, "ROOM", 6 * 10 * 10)
     images = [TextureImage("2d", np.zeros((side, side, 3), np.uint8)) for side in (16, 8, 4)]
     textures = pack_textures(images, device)
-    kept = pack_sheets(images, textures, device)
+    kept = pack_mip_atlases(images, textures, device)
     assert (textures.sheets.numpy() != 0).tolist() == [False, device.is_cuda, False]
     assert len(kept) == device.is_cuda

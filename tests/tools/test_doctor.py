@@ -27,7 +27,7 @@ Change = Callable[[dict[str, np.ndarray]], None]
 
 
 @functools.cache
-def one() -> self_test.Shot:
+def one() -> self_test.RenderedFrame:
     return shoot(CPU)
 
 
@@ -107,11 +107,11 @@ def card(alias: str = "cuda:0") -> Any:
 def two_devices(monkeypatch: pytest.MonkeyPatch, change: Change = lambda _: None, torch_sees: int = 1) -> Any:
     """A report about a CPU and a GPU whose images are the CPU's, changed."""
 
-    def shoot(device: Any) -> self_test.Shot:
+    def shoot(device: Any) -> self_test.RenderedFrame:
         images = copies()
         if not device.is_cpu:
             change(images)
-        return self_test.Shot(images, 1.0, 0.001)
+        return self_test.RenderedFrame(images, 1.0, 0.001)
 
     monkeypatch.setattr(self_test, "shoot", shoot)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: torch_sees)
@@ -210,10 +210,10 @@ def test_the_exit_status_tells(monkeypatch: pytest.MonkeyPatch, capsys: pytest.C
 
 
 def test_a_device_without_images_does_not_stop_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    def shoot(device: Any) -> self_test.Shot:
+    def shoot(device: Any) -> self_test.RenderedFrame:
         if device.alias == "cuda:0":
             raise AssertionError("Torch not compiled with CUDA enabled")
-        return self_test.Shot(copies(), 1.0, 0.001)
+        return self_test.RenderedFrame(copies(), 1.0, 0.001)
 
     monkeypatch.setattr(self_test, "shoot", shoot)
     monkeypatch.setattr(torch.cuda, "device_count", lambda: 0)

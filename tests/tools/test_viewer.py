@@ -22,7 +22,7 @@ pytest.importorskip("viser", reason="needs viser: pip install warpcam[view]")
 from viser import transforms
 
 from warpcam import viewer as viewers
-from warpcam.viewer import Choice, Eye, Viewer
+from warpcam.viewer import ClientCamera, Viewer, ViewSelection
 
 PLACE, TARGET = (0.3, -2.0, 0.9), (0.1, 0.2, 0.3)
 THINGS = """
@@ -35,13 +35,13 @@ THINGS = """
 """
 
 
-def eye(aspect: float) -> Eye:
+def eye(aspect: float) -> ClientCamera:
     """At PLACE, looking at TARGET, the world's +Z up in its picture, as a page of viser tells it."""
     ahead = np.subtract(TARGET, PLACE) / np.linalg.norm(np.subtract(TARGET, PLACE))
     right = np.cross(ahead, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
     turn = transforms.SO3.from_matrix(np.stack([right, np.cross(ahead, right), ahead], axis=1))
-    return Eye(PLACE, tuple(turn.wxyz), float(np.radians(50.0)), aspect)
+    return ClientCamera(PLACE, tuple(turn.wxyz), float(np.radians(50.0)), aspect)
 
 
 @pytest.fixture
@@ -77,17 +77,17 @@ def test_a_page_sees_what_a_camera_there_sees(viewer: Viewer, simulated: Any, wo
         antialiasing=4 if output == "rgb" else 1,
     )
     image = wc.Renderer(viewer._scene, [own]).render()["own"][output][world : world + 1].cpu().numpy()
-    shown = viewer.picture(Choice(output, "free", world), eye(48 / 32))
+    shown = viewer.picture(ViewSelection(output, "free", world), eye(48 / 32))
     expected = viewers.pictures.picture(output, image)[0]
     assert shown.shape == (32, 48, 3)
     assert (shown != expected).any(-1).mean() < 0.01
     assert len(np.unique(expected.reshape(-1, 3), axis=0)) > 2
-    other = viewer.picture(Choice(output, "free", 1 - world), eye(48 / 32))
+    other = viewer.picture(ViewSelection(output, "free", 1 - world), eye(48 / 32))
     assert (shown != other).any(-1).mean() > 0.01
 
 
 def test_a_wide_window_shows_more_at_the_sides(viewer: Viewer) -> None:
-    choice = Choice("segmentation", "free", 0)
+    choice = ViewSelection("segmentation", "free", 0)
     square, wide = (viewer.picture(choice, eye(aspect)) for aspect in (1.5, 3.0))
     ball = square[16, 24]
     widths = [(image[16] == ball).all(-1).sum() for image in (square, wide)]
@@ -102,7 +102,7 @@ def test_a_camera_of_the_scene_is_shown_within_borders(viewer: Viewer, camera: s
     image = wc.Renderer(viewer._scene, [wc.Camera(index, width=48, height=32, outputs=("depth",))]).render()
     expected = viewers.pictures.picture("depth", image[index]["depth"][:1].cpu().numpy())[0]
     for aspect, shape, cut in ((3.0, (32, 96), np.s_[:, 24:72]), (0.75, (64, 48), np.s_[16:48])):
-        shown = viewer.picture(Choice("depth", camera, 0), eye(aspect))
+        shown = viewer.picture(ViewSelection("depth", camera, 0), eye(aspect))
         assert shown.shape == (*shape, 3)
         np.testing.assert_array_equal(shown[cut], expected)
         shown[cut] = 0

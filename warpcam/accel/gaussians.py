@@ -11,13 +11,13 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.build import box_bvh4
 from warpcam.kernels.types import Splats
 
-LEAST_ALPHA = 1.0 / 255.0  # what adds less is not drawn
+MIN_ALPHA = 1.0 / 255.0  # what adds less is not drawn
 MAX_CLOUDS = 128  # shapes of this type in a world
 MAX_ROWS = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class GaussianCloud:
     """Gaussians as a source gives them.
 
     Attributes:
@@ -40,7 +40,7 @@ class Cloud:
 
 
 @dataclass(frozen=True, eq=False)
-class Packed:
+class PackedGaussians:
     """Clouds on a device.
 
     Attributes:
@@ -54,7 +54,7 @@ class Packed:
     upper: np.ndarray
 
 
-def pack_splats(clouds: Sequence[Cloud], columns: Sequence[int], device: wp.Device) -> Packed:
+def pack_gaussians(clouds: Sequence[GaussianCloud], columns: Sequence[int], device: wp.Device) -> PackedGaussians:
     """Build the tree of every cloud and put all of them on ``device``.
 
     Args:
@@ -97,20 +97,20 @@ def pack_splats(clouds: Sequence[Cloud], columns: Sequence[int], device: wp.Devi
     table.nodes = wp.array(_joined(nodes), dtype=wp.vec4, device=device)
     table.gaussians = wp.array(_joined(rows), dtype=wp.vec4, device=device)
     table.bits = bits
-    return Packed(table, lower, upper)
+    return PackedGaussians(table, lower, upper)
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([np.zeros((0, 4), np.float32), *parts])
 
 
-def _gaussians(cloud: Cloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _gaussians(cloud: GaussianCloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (gaussian, 4, 4) of those that can be seen, and corners of their boxes."""
     _check(cloud)
-    seen = (cloud.opacities > LEAST_ALPHA) & (cloud.scales > 0.0).all(axis=1)
+    seen = (cloud.opacities > MIN_ALPHA) & (cloud.scales > 0.0).all(axis=1)
     centers = cloud.positions[seen].astype(np.float64)
     opacities, scales = cloud.opacities[seen].astype(np.float64), cloud.scales[seen].astype(np.float64)
-    reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / LEAST_ALPHA))
+    reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / MIN_ALPHA))
     axes = _matrices(cloud.rotations[seen].astype(np.float64))  # columns
     radii = scales * np.sqrt(reach)[:, None]
     rows = np.zeros((len(centers), 4, 4), np.float32)
@@ -123,7 +123,7 @@ def _gaussians(cloud: Cloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return rows, (centers - half - margin).astype(np.float32), (centers + half + margin).astype(np.float32)
 
 
-def _check(cloud: Cloud) -> None:
+def _check(cloud: GaussianCloud) -> None:
     count = len(cloud.positions)
     shapes = {"positions": (count, 3), "rotations": (count, 4), "scales": (count, 3), "opacities": (count,)}
     for what, shape in {**shapes, "colors": (count, 3)}.items():

@@ -11,7 +11,7 @@ import numpy as np
 Built = TypeVar("Built")
 
 
-class Kept(Generic[Built]):
+class LruCache(Generic[Built]):
     """The results used last, up to so many bytes of host memory. Several threads may share it.
 
     Args:

@@ -7,19 +7,19 @@ import numpy as np
 import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4s
-from warpcam.accel.lru_cache import Kept, key_of
-from warpcam.accel.occluder_boxes import FEW_FACES, are_worth, pack_shutters
+from warpcam.accel.lru_cache import LruCache, key_of
+from warpcam.accel.occluder_boxes import FEW_FACES, are_worth, pack_occluder_boxes
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.build import horizon_maps, occluder_boxes
-from warpcam.kernels.runtime.launch import BLOCK, compiled_meanwhile
+from warpcam.kernels.runtime.launch import BLOCK_DIM, compile_in_background
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1
 BOUNDS, MIDDLE_BOUND = 32760, 32768  # as in native/accel/bvh4.h: steps of an extent, and the plane through 0
 ABSENT = np.float32(1e30)  # all bounds of a child that is not there
-KEPT = 2**27  # bytes of trees, for the next scene that has those meshes, too
+CACHE_BYTES = 2**27  # bytes of trees, for the next scene that has those meshes, too
 
-_kept: Kept[Bvh4] = Kept(KEPT, lambda tree: tree.nodes.nbytes + tree.faces.nbytes)
+_cache: LruCache[Bvh4] = LruCache(CACHE_BYTES, lambda tree: tree.nodes.nbytes + tree.faces.nbytes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +81,10 @@ def pack_meshes(
     """
     places: dict[tuple[bytes, ...], tuple[int, int]] = {}  # by content: first rows of nodes and faces
     built: dict[tuple[bytes, ...], int] = {}  # by content: place among the trees
-    bounded = horizon_maps.are_kept(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
+    bounded = horizon_maps.uses_horizon_maps(device) and not any(mesh.moves or mesh.two_sided for mesh in meshes)
     shut = shut and bounded
-    finders = [(kernel, BLOCK) for kernel in _finders(meshes, shut)] if bounded else []
-    with compiled_meanwhile([*finders, *ahead], device):
+    finders = [(kernel, BLOCK_DIM) for kernel in _finders(meshes, shut)] if bounded else []
+    with compile_in_background([*finders, *ahead], device):
         whole = _trees(meshes)
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     holders: list[int] = []  # the first mesh of each
@@ -138,9 +138,9 @@ def pack_meshes(
     packed.has_uvs = _integers([mesh.mapped for mesh in meshes], device)
     if bounded:
         sizes = [len(rows) // 3 for _, rows in trees]
-        horizon_maps.find_horizons(packed, np.repeat(np.array(holders, np.int32), sizes), device)
+        horizon_maps.build_horizon_maps(packed, np.repeat(np.array(holders, np.int32), sizes), device)
         if shut and are_worth(faces := [rows for _, rows in trees]):
-            packed.shutters = pack_shutters(packed, faces, holders, device)
+            packed.shutters = pack_occluder_boxes(packed, faces, holders, device)
     return packed, max((len(rows) // 3 for _, rows in trees), default=0)
 
 
@@ -168,12 +168,12 @@ def _trees(meshes: Sequence[Mesh]) -> list[Bvh4]:
     """The tree of each mesh, in their order."""
     contents = [key_of(np.asarray(mesh.vertices), np.asarray(mesh.fronts)) for mesh in meshes]
     named = dict(zip(contents, meshes, strict=True))
-    trees = {content: tree for content in named if (tree := _kept.find(content)) is not None}
+    trees = {content: tree for content in named if (tree := _cache.find(content)) is not None}
     new = [content for content in named if content not in trees]
     built = build_bvh4s([(named[content].vertices, named[content].fronts, named[content].name) for content in new])
     for content, tree in zip(new, built, strict=True):
         trees[content] = tree
-        _kept.keep(content, tree)
+        _cache.keep(content, tree)
     return [trees[content] for content in contents]
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.build.occluder_boxes import ROWS, SHUTTERS, find_shutters
+from warpcam.kernels.build.occluder_boxes import MAX_OCCLUDER_BOXES, ROWS, build_occluder_boxes
 from warpcam.kernels.types import Meshes
 
 LOOKED_AT = 512  # faces of a mesh over which shutters are looked for
@@ -26,7 +26,9 @@ def are_worth(trees: Sequence[np.ndarray]) -> bool:
     return 0 < len(trees) <= MANY_MESHES and any(len(tree) >= 3 * FEW_FACES for tree in trees)
 
 
-def pack_shutters(meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device) -> wp.array:
+def pack_occluder_boxes(
+    meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device
+) -> wp.array:
     """Find the shutters and outlines of all meshes.
 
     Args:
@@ -34,13 +36,13 @@ def pack_shutters(meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence
         trees: Faces of each tree in leaf order, (3 * face, 4), in the order of ``meshes.faces``.
         holders: Index of the first mesh that has each tree.
     """
-    packed = np.zeros((meshes.face_start.shape[0], ROWS + 1, SHUTTERS, 4), np.float32)
+    packed = np.zeros((meshes.face_start.shape[0], ROWS + 1, MAX_OCCLUDER_BOXES, 4), np.float32)
     packed[:, :ROWS] = NONE[:, None]
     wanted = [_wanted(tree) for tree in trees]
     owners = np.repeat(np.array(holders, np.int32), [len(faces) for faces in wanted])
     if len(owners):
         opens = np.concatenate([_open_faces(tree) for tree in trees])
-        rows, worths = find_shutters(meshes, opens, owners, np.concatenate(wanted), device)
+        rows, worths = build_occluder_boxes(meshes, opens, owners, np.concatenate(wanted), device)
     starts = meshes.face_start.numpy()
     for tree, faces, holder in zip(trees, wanted, holders, strict=True):
         same = starts == starts[holder]
@@ -104,7 +106,7 @@ def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[in
     stops = ((np.abs(places) <= limits[:, :, None]).all(axis=1) & there[:, None]).astype(np.float32)
     left = np.ones(len(points), np.float32)
     chosen: list[int] = []
-    while len(chosen) < min(SHUTTERS, len(rows)):
+    while len(chosen) < min(MAX_OCCLUDER_BOXES, len(rows)):
         more = stops @ left
         best = int(more.argmax())
         if more[best] == 0.0:
@@ -115,9 +117,9 @@ def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[in
 
 
 def outline(points: np.ndarray) -> np.ndarray:
-    """Corners of a box around some points with its edges cut off, (SHUTTERS, 3): all of them lie between these."""
+    """Corners of a box around some points with its edges cut off, (MAX_OCCLUDER_BOXES, 3); it holds all of them."""
     if not len(points):
-        return np.zeros((SHUTTERS, 3))
+        return np.zeros((MAX_OCCLUDER_BOXES, 3))
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0)).astype(np.float64)
     size = float(np.abs(points - middle).max(initial=1e-30))
     away = (points - middle) / size
@@ -125,7 +127,7 @@ def outline(points: np.ndarray) -> np.ndarray:
     corners = np.einsum("tij,tj->ti", CORNERS, reach[TRIPLES])
     corners = corners[(corners @ NORMALS.T <= reach + 1e-9).all(axis=1)]
     corners = np.unique(np.round(corners, 7), axis=0)
-    if not 0 < len(corners) <= SHUTTERS:
+    if not 0 < len(corners) <= MAX_OCCLUDER_BOXES:
         corners = np.array(list(itertools.product(*zip(away.min(axis=0), away.max(axis=0), strict=True))))
-    found: np.ndarray = middle + size * np.resize(corners, (SHUTTERS, 3))
+    found: np.ndarray = middle + size * np.resize(corners, (MAX_OCCLUDER_BOXES, 3))
     return found

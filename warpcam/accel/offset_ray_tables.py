@@ -10,12 +10,12 @@ BESIDE = 4.0  # a pixel that lies so many times as far from one as that on its o
 ROUNDING = 1e-6  # of unit directions, and of places as parts of the greatest
 
 
-def spread_floats(width: int, height: int) -> int:
+def offset_table_floats(width: int, height: int) -> int:
     """Floats of the table of one image; tables lie one after the other."""
     return 4 * (1 + 2 * -(-width // TILE_WIDTH) * -(-height // TILE_HEIGHT) + 2 * width * height)
 
 
-def pack_spread(directions: np.ndarray, starts: np.ndarray) -> np.ndarray:
+def pack_offset_rays(directions: np.ndarray, starts: np.ndarray) -> np.ndarray:
     """The tables of some images.
 
     Args:
@@ -23,20 +23,20 @@ def pack_spread(directions: np.ndarray, starts: np.ndarray) -> np.ndarray:
         starts: (n, height, width, 3) where rays begin, in the camera's frame [m].
 
     Returns:
-        float32 (n, spread_floats(width, height)): a ball that holds all places where rays begin, its middle and its
-        radius; for each tile, row after row, the axis of a cone that holds its rays, the cosine of its half angle, and
-        such a ball; then for each pixel where its ray begins, its bits, the unit direction, and the image's width.
+        float32 (n, offset_table_floats(width, height)): a ball that holds all places where rays begin, its middle and
+        its radius; for each tile, row after row, the axis of a cone that holds its rays, the cosine of its half angle,
+        and such a ball; then for each pixel where its ray begins, its bits, the unit direction, and the image's width.
     """
     count, height, width = directions.shape[:3]
-    packed = np.empty((count, spread_floats(width, height)), np.float32)
+    packed = np.empty((count, offset_table_floats(width, height)), np.float32)
     for first in range(0, count, chunk := max(1, 2**20 // (width * height))):
         some = slice(first, first + chunk)
         rays, places = unit(directions[some]), starts[some].astype(np.float32)
         seeing: np.ndarray = np.asarray(rays.any(axis=-1))
         places = np.where(seeing[..., None], places, np.float32(0.0))
         cones = tile_cones(rays).astype(np.float32)
-        whole = balls(places.reshape(len(rays), 1, -1, 3), seeing.reshape(len(rays), 1, -1))
-        tiles = np.concatenate([cones, balls(tiled(places), tiled(seeing[..., None])[..., 0])], axis=-1)
+        whole = bounding_spheres(places.reshape(len(rays), 1, -1, 3), seeing.reshape(len(rays), 1, -1))
+        tiles = np.concatenate([cones, bounding_spheres(tiled(places), tiled(seeing[..., None])[..., 0])], axis=-1)
         pixels = np.empty((len(rays), height, width, 8), np.float32)
         pixels[..., :3] = places
         pixels[..., 3] = bits_of(rays, places, seeing).view(np.float32)
@@ -56,7 +56,7 @@ def tiled(values: np.ndarray) -> np.ndarray:
     return whole.transpose(0, 1, 3, 2, 4, 5).reshape(count, down * across, TILE_HEIGHT * TILE_WIDTH, channels)
 
 
-def balls(places: np.ndarray, seeing: np.ndarray) -> np.ndarray:
+def bounding_spheres(places: np.ndarray, seeing: np.ndarray) -> np.ndarray:
     """For each set a ball that holds its places, middle and radius: float32 (n, set, 4); of none at 0, of no size.
 
     Args:
@@ -100,7 +100,7 @@ def both_sides(steps: np.ndarray, axis: int, beyond: float | bool) -> tuple[np.n
     return np.concatenate([edge, steps], axis), np.concatenate([steps, edge], axis)
 
 
-def spread_width(directions: np.ndarray, starts: np.ndarray) -> float:
+def offset_pixel_width(directions: np.ndarray, starts: np.ndarray) -> float:
     """The angle between neighbouring rays and how far apart they begin, of most of an image [rad, m]."""
     seeing: np.ndarray = np.asarray(directions.any(axis=-1))
     steps = [

@@ -93,7 +93,7 @@ def pixel_angle(directions: np.ndarray) -> float:
     return max(float(np.median(found)), 1e-6) if found.size else 0.5 * math.pi
 
 
-def handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
+def table_handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
     """What stands in View.scale and View.center for each of some tables: float32 (count, 4), bits.
 
     Args:
@@ -102,7 +102,7 @@ def handles(table: int, count: int, floats: int, width: int, height: int, angles
         floats: That each has.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        angles: Of each, between neighbouring rays [rad]; with spread rays see ``spread_width``. Or one for all.
+        angles: Of each, between neighbouring rays [rad]; with spread rays see ``offset_pixel_width``. Or one for all.
     """
     addresses = table + 4 * floats * np.arange(count, dtype=np.uint64)
     words = np.empty((count, 4), np.uint32)

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from warpcam.camera.lens import Lens
-from warpcam.camera.lens_tables import TableLens, check_table_size
+from warpcam.camera.lens_tables import RayTableLens, check_table_size
 from warpcam.camera.outputs import check_outputs
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
@@ -85,7 +85,7 @@ class Camera:
             )
         check_table_size(self.lens, self.width, self.height, self.where)
         flows = [name for name in self.outputs if name in ("flow", "flow_valid")]
-        if flows and isinstance(self.lens, TableLens):
+        if flows and isinstance(self.lens, RayTableLens):
             raise WarpcamError(
                 f"{self.where}: outputs has {flows[0]!r}, which no lens that is a table of rays has "
                 f"({type(self.lens).__name__}); Pinhole and Orthographic have it"

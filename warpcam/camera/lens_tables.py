@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.offset_ray_tables import spread_floats
+from warpcam.accel.offset_ray_tables import offset_table_floats
 from warpcam.accel.ray_tables import MOST_PIXELS, table_floats
 from warpcam.camera.lens import Lens, Projection
 from warpcam.core import torch_interop
@@ -23,12 +23,12 @@ ROUNDS = 50  # of the search for a distorted ray
 NEAR_ENOUGH = 1e-3  # pixels that it may lie aside
 
 
-class TableLens(Lens):
+class RayTableLens(Lens):
     """A lens that is a table of rays."""
 
     @property
     def projection(self) -> Projection:
-        return "spread" if self.spread else "rays"
+        return "spread" if self.has_origins else "rays"
 
     def values(self, width: int, height: int) -> Mapping[str, tuple[Any, ...]]:
         return {}
@@ -43,7 +43,7 @@ class TableLens(Lens):
         """(1 or world, height, width, 3) in the camera's frame, of any length; 0 sees nothing."""
 
     @property
-    def spread(self) -> bool:
+    def has_origins(self) -> bool:
         """Whether rays begin elsewhere than at the camera's position."""
         return False
 
@@ -53,13 +53,13 @@ class TableLens(Lens):
 
     def bytes(self, width: int, height: int, num_worlds: int) -> int:
         """What its tables take."""
-        floats = spread_floats(width, height) if self.spread else table_floats(width, height)
+        floats = offset_table_floats(width, height) if self.has_origins else table_floats(width, height)
         return 4 * (floats + 4) * (num_worlds if self.differs else 1)
 
 
 def check_table_size(lens: Lens | None, width: int, height: int, where: str) -> None:
     """Raise if no table may be as large as that."""
-    if isinstance(lens, TableLens) and max(width, height) > MOST_PIXELS:
+    if isinstance(lens, RayTableLens) and max(width, height) > MOST_PIXELS:
         raise WarpcamError(
             f"{where}: lens {type(lens).__name__}: at most {MOST_PIXELS} pixels across and down are allowed, got "
             f"{width} x {height}"
@@ -67,7 +67,7 @@ def check_table_size(lens: Lens | None, width: int, height: int, where: str) -> 
 
 
 @dataclass(frozen=True, eq=False)
-class Rays(TableLens):
+class Rays(RayTableLens):
     """Any camera: a ray for each pixel.
 
     Attributes:
@@ -86,7 +86,7 @@ class Rays(TableLens):
         return 4 in (len(_shape(self.directions)), 0 if self.origins is None else len(_shape(self.origins)))
 
     @property
-    def spread(self) -> bool:
+    def has_origins(self) -> bool:
         return self.origins is not None
 
     def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
@@ -113,7 +113,7 @@ class Rays(TableLens):
 
 
 @dataclass(frozen=True, eq=False)
-class Fisheye(TableLens):
+class Fisheye(RayTableLens):
     """An equidistant fisheye: the angle from the axis grows as the distance from the principal point.
 
     With ``k`` it is OpenCV's fisheye model (Kannala and Brandt): a ray at the angle a from the axis comes at
@@ -180,7 +180,7 @@ class Fisheye(TableLens):
 
 
 @dataclass(frozen=True, eq=False)
-class Distorted(TableLens):
+class Distorted(RayTableLens):
     """A pinhole with the distortion of OpenCV's ``calibrateCamera`` (Brown and Conrady).
 
     Every value may be one number or one for each world, (world,): numpy, torch or Warp. Pixels that no ray comes to,

@@ -13,10 +13,10 @@ import numpy as np
 from dm_control.mujoco import engine
 
 from warpcam.compat.mujoco import mjv_scene
-from warpcam.compat.mujoco.frame_renderer import Studio, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer, view_of
 from warpcam.compat.mujoco.options import style_of
 from warpcam.compat.mujoco.upload_calls import UPLOADS
-from warpcam.compat.mujoco.user_geoms import Own
+from warpcam.compat.mujoco.user_geoms import UserGeoms
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 
@@ -62,7 +62,7 @@ class _Contexts:
     ptr = None
 
     def __init__(self, physics: Any):
-        self.studio = Studio(physics.model.ptr, _chosen[0])
+        self.frame_renderer = FrameRenderer(physics.model.ptr, _chosen[0])
 
     @contextmanager
     def make_current(self) -> Iterator["_Contexts"]:
@@ -71,7 +71,7 @@ class _Contexts:
     def call(self, function: Callable[..., Any], *_: Any, **__: Any) -> None:
         """Have what was to be uploaded read again; other calls of OpenGL have nothing to do here."""
         if getattr(function, "__name__", "") in UPLOADS:
-            self.studio.reload()
+            self.frame_renderer.reload()
 
     def free(self) -> None: ...
 
@@ -112,7 +112,7 @@ def _render(
         return rendered
     camera.update(scene_option=scene_option)
     model, option = physics.model.ptr, scene_option or camera.option
-    own = Own(model, _bare(camera.scene))
+    own = UserGeoms(model, _bare(camera.scene))
     if camera._scene_callback:
         camera._scene_callback(physics, camera.scene)
     mjv_scene.refuse_views(_bare(camera.scene))
@@ -121,11 +121,11 @@ def _render(
         view = view_of(_bare(camera.scene), camera.width, camera.height)
     if view is None:
         raise WarpcamError("render: the camera has no field of view")
-    contexts.studio.take(physics.data.ptr)
+    contexts.frame_renderer.take(physics.data.ptr)
     output = "depth" if depth else "objects" if segmentation else "rgb"
-    style, decor = own.drawn(view, camera.height, style, solid=segmentation)
-    look = contexts.studio.look
-    image = look(view, style, camera.width, camera.height, (output,), through=True, decor=decor)[output]
+    style, mjv_geoms = own.drawn(view, camera.height, style, solid=segmentation)
+    look = contexts.frame_renderer.look
+    image = look(view, style, camera.width, camera.height, (output,), through=True, mjv_geoms=mjv_geoms)[output]
     return image[..., 0] if depth else image
 
 

@@ -12,9 +12,9 @@ import numpy as np
 from gymnasium.envs.mujoco import mujoco_rendering
 
 from warpcam.compat.mujoco import upload_calls
-from warpcam.compat.mujoco.frame_renderer import Studio, depth_buffer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer, depth_buffer, view_of
 from warpcam.compat.mujoco.options import style_of
-from warpcam.compat.mujoco.user_geoms import Own
+from warpcam.compat.mujoco.user_geoms import UserGeoms
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 
@@ -77,8 +77,8 @@ class OffScreenViewer:
         self.cam.lookat[:] = np.median(data.geom_xpos, axis=0) if model.ngeom else 0.0
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
-        self._studio: Studio | None = Studio(model, _chosen[0])
-        self.con: upload_calls.Context | None = upload_calls.Context(self._studio.reload)
+        self._frame_renderer: FrameRenderer | None = FrameRenderer(model, _chosen[0])
+        self.con: upload_calls.Context | None = upload_calls.Context(self._frame_renderer.reload)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
@@ -93,7 +93,7 @@ class OffScreenViewer:
         """
         if render_mode not in MODES:
             raise WarpcamError(f"render_mode is {render_mode!r}; allowed are {', '.join(MODES)}")
-        if self._studio is None:
+        if self._frame_renderer is None:
             raise RuntimeError("render cannot be called after close.")
         model, everything = self.model, int(mujoco.mjtCatBit.mjCAT_ALL)
         if camera_id is not None:
@@ -102,10 +102,10 @@ class OffScreenViewer:
             kind = mujoco.mjtCamera.mjCAMERA_FREE if camera_id == -1 else mujoco.mjtCamera.mjCAMERA_FIXED
             self.cam.type, self.cam.fixedcamid = int(kind), camera_id
         mujoco.mjv_updateScene(model, self.data, self.vopt, self.pert, self.cam, everything, self.scn)
-        own = Own(model, self.scn)
+        own = UserGeoms(model, self.scn)
         for marker in self._markers:
             self._add_marker_to_scene(marker)
-        self._studio.take(self.data)
+        self._frame_renderer.take(self.data)
         width, height = self.viewport.width, self.viewport.height
         view = view_of(self.scn, width, height)
         if view is None:
@@ -113,8 +113,10 @@ class OffScreenViewer:
         style = style_of(model, self.vopt, self.scn.flags)
         colors = "objects" if segmentation else "rgb"
         outputs = {"rgb_array": (colors,), "depth_array": ("depth",), "rgbd_tuple": (colors, "depth")}[render_mode]
-        style, decor = own.drawn(view, height, style, solid=segmentation)
-        images = self._studio.look(view, style, width, height, outputs, through=not segmentation, decor=decor)
+        style, mjv_geoms = own.drawn(view, height, style, solid=segmentation)
+        images = self._frame_renderer.look(
+            view, style, width, height, outputs, through=not segmentation, mjv_geoms=mjv_geoms
+        )
         self._markers.clear()
         if "depth" in images:
             images["depth"] = depth_buffer(images["depth"][..., 0], view)
@@ -148,7 +150,7 @@ class OffScreenViewer:
 
     def free(self) -> None:
         """Let go of all memory."""
-        self._studio = self.con = None
+        self._frame_renderer = self.con = None
 
     def close(self) -> None:
         self.free()

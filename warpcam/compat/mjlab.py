@@ -23,11 +23,11 @@ import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
 from warpcam.compat.common import packing
 from warpcam.compat.mujoco_warp.arguments import read_groups
-from warpcam.compat.mujoco_warp.context import Look, load_groups
+from warpcam.compat.mujoco_warp.context import CameraSettings, load_groups
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.runtime.streams import context_kept
+from warpcam.kernels.runtime.streams import preserve_cuda_context
 
 
 @dataclass
@@ -128,7 +128,7 @@ class _Cameras:
         self.data = d
         self._mjm, self._m = mjm, m
         self._sensors: list[CameraSensor] = []
-        self._frames: list[tuple[Look | None, wc.Renderer, list[Stage]]] | None = None
+        self._frames: list[tuple[CameraSettings | None, wc.Renderer, list[Stage]]] | None = None
 
     def add(self, sensor: CameraSensor) -> None:
         self._sensors.append(sensor)
@@ -157,7 +157,7 @@ class _Cameras:
         for _, renderer, _ in self._frames or ():
             renderer.reset(env_ids)
 
-    def _build(self) -> list[tuple[Look | None, wc.Renderer, list[Stage]]]:
+    def _build(self) -> list[tuple[CameraSettings | None, wc.Renderer, list[Stage]]]:
         kinds: dict[_Kind, list[dict[int, CameraSensor]]] = {}
         for sensor in self._sensors:
             cfg = sensor.cfg
@@ -175,10 +175,10 @@ class _Cameras:
             built += [(look, *self._frame(scene, list(frame.values()))) for frame in frames]
         return built
 
-    def _scene(self, kind: _Kind) -> tuple[Look | None, wc.Scene]:
-        look = None if kind.textures else Look(self._m, {"mat_texid": -1})
+    def _scene(self, kind: _Kind) -> tuple[CameraSettings | None, wc.Scene]:
+        look = None if kind.textures else CameraSettings(self._m, {"mat_texid": -1})
         m = self._m if look is None else look.model
-        with context_kept():
+        with preserve_cuda_context():
             scene = load_groups(
                 self._mjm, m, self.data, kind.groups, ("geoms", "flexes"), kind.reflections, kind.transparency
             )
@@ -209,11 +209,11 @@ class _Cameras:
                 cfg = sensor.cfg
                 pairs = wp.zeros((scene.num_worlds, cfg.height * cfg.width), dtype=wp.vec2i, device=scene.device)
                 ids = renderer.array(sensor.camera_idx, "segmentation")
-                stages.append(packing.record_objects(ids, objects, pairs, 0, scene.device))
+                stages.append(packing.bind_objects(ids, objects, pairs, 0, scene.device))
                 shape = (scene.num_worlds, cfg.height, cfg.width, 2)
                 sensor._images["segmentation"] = torch_interop.to_torch(pairs).view(shape)
         for stage in stages:
-            stage.bind()
+            stage.prepare()
         return renderer, stages
 
 

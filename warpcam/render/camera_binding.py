@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.offset_ray_tables import pack_spread, spread_width
-from warpcam.accel.ray_tables import handles, pack_rays, pixel_angle
+from warpcam.accel.offset_ray_tables import offset_pixel_width, pack_offset_rays
+from warpcam.accel.ray_tables import pack_rays, pixel_angle, table_handles
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens, Projection
-from warpcam.camera.lens_tables import TableLens
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes import view_shape_lists
 from warpcam.kernels.passes import views as views_stage
-from warpcam.kernels.passes.views import LensTable, Mount
-from warpcam.kernels.passes.world_overrides import copied, empty_variety
+from warpcam.kernels.passes.views import CameraPose, LensParams
+from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.scene_tables import Tables
-from warpcam.render.flow_history import CameraPast
+from warpcam.kernels.scene_tables import SceneTables
+from warpcam.render.flow_history import CameraHistory
 from warpcam.scene.scene import Scene
 
 MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
@@ -64,7 +64,7 @@ class CameraArrays:
         raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
 
 
-class Mounted:
+class CameraBinding:
     """One camera in a scene."""
 
     def __init__(self, camera: Camera, scene: Scene):
@@ -83,7 +83,7 @@ class Mounted:
             fit = (lengths > 1e-6) & (lengths < 1e6)  # to be squared
             self.arrays["rotation"].assign(np.where(fit, rotations, rotations / lengths).astype(np.float32))
         if camera.lens is not None:
-            if isinstance(camera.lens, TableLens):
+            if isinstance(camera.lens, RayTableLens):
                 self._make_table(camera.lens)
             else:
                 self._make_lens(camera.lens)
@@ -92,68 +92,72 @@ class Mounted:
         self._own("near", near if camera.near is None else camera.near, wp.float32)
         self._own("far", far if camera.far is None else camera.far, wp.float32, may_be_infinite=True)
         self._check_range()
-        self._make_looks()
+        self._make_exposure()
 
     @property
     def projection(self) -> Projection:
         return projection_of(self._camera, self._scene)
 
-    def seen(self, tables: Tables) -> Tables:
+    def camera_tables(self, tables: SceneTables) -> SceneTables:
         """The scene as this camera has it: its background, its exposure."""
         background, arrays = self._camera.background, self.arrays
         if not isinstance(background, np.ndarray):
             tables = self._scene.tables_with(tables, background)
         if not arrays.keys() & {"background", "exposure"}:
             return tables
-        variety = copied(tables.variety) if tables.variety is not None else empty_variety(self._scene.device)
+        overrides = (
+            copy_overrides(tables.world_overrides)
+            if tables.world_overrides is not None
+            else empty_overrides(self._scene.device)
+        )
         if "exposure" in arrays:
-            variety.exposures, variety.gains = arrays["exposure"], arrays["gain"]
+            overrides.exposures, overrides.gains = arrays["exposure"], arrays["gain"]
         if "background" in arrays:
-            variety.backgrounds, variety.skyboxes = arrays["background"], self._no_skybox
+            overrides.backgrounds, overrides.skyboxes = arrays["background"], self._no_skybox
             tables = replace(tables, has_skybox=False)
-        return replace(tables, variety=variety)
+        return replace(tables, world_overrides=overrides)
 
-    def record(
+    def bind(
         self,
         mask: wp.array,
         faults: wp.array,
         views: wp.array,
-        tables: Tables,
-        past: CameraPast | None = None,
+        tables: SceneTables,
+        history: CameraHistory | None = None,
         lists: wp.array | None = None,
-        opening: Any = None,
+        frame_start: Any = None,
     ) -> Stage:
         """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
 
-        If the camera has a ``past``, the views there were go there. With ``lists`` the stage lists shapes, too, and
-        composes how they have moved. With an ``opening`` it is a frame's first.
+        If the camera has a ``history``, the views there were go there. With ``lists`` the stage lists shapes, too, and
+        composes how they have moved. With a ``frame_start`` it is a frame's first.
         """
-        mount, lens, device = self._mount(), self._lens(), self._scene.device
+        pose, lens, device = self._pose(), self._lens(), self._scene.device
         if lists is None:
-            before = None if past is None else past.views
-            return views_stage.record_views(mount, lens, mask, faults, views, device, before, opening)
-        trail, outputs = None if past is None else past.trail, self._camera.outputs
-        return view_shape_lists.record_lists(
-            opening, mount, lens, mask, faults, views, tables, self.projection, lists, trail, outputs, device
+            before = None if history is None else history.views
+            return views_stage.bind_views(pose, lens, mask, faults, views, device, before, frame_start)
+        flow_history, outputs = None if history is None else history.flow_history, self._camera.outputs
+        return view_shape_lists.bind_lists(
+            frame_start, pose, lens, mask, faults, views, tables, self.projection, lists, flow_history, outputs, device
         )
 
-    def _mount(self) -> Mount:
-        mount, scene = Mount(), self._scene
-        mount.own = int(self._camera.is_own)
-        mount.parent = self._parent
+    def _pose(self) -> CameraPose:
+        pose, scene = CameraPose(), self._scene
+        pose.own = int(self._camera.is_own)
+        pose.parent = self._parent
         if self._camera.is_own:
-            mount.positions = self.arrays["position"].reshape((scene.num_worlds, 1))
-            mount.quaternions = self.arrays["rotation"]
-            mount.parent_positions = scene.array("body_positions")
-            mount.parent_rotations = scene.array("body_rotations")
+            pose.positions = self.arrays["position"].reshape((scene.num_worlds, 1))
+            pose.quaternions = self.arrays["rotation"]
+            pose.parent_positions = scene.array("body_positions")
+            pose.parent_rotations = scene.array("body_rotations")
         else:
-            mount.column = self._index
-            mount.positions = scene.array("camera_positions")
-            mount.rotations = scene.array("camera_rotations")
-        return mount
+            pose.column = self._index
+            pose.positions = scene.array("camera_positions")
+            pose.rotations = scene.array("camera_rotations")
+        return pose
 
-    def _lens(self) -> LensTable:
-        lens, scene, camera = LensTable(), self._scene, self._camera
+    def _lens(self) -> LensParams:
+        lens, scene, camera = LensParams(), self._scene, self._camera
         lens.near, lens.far = self.arrays["near"], self.arrays["far"]
         lens.clipping = CLIPPING[camera.depth_clipping]
         lens.width, lens.height = camera.width, camera.height
@@ -173,7 +177,7 @@ class Mounted:
             else:
                 lens.kind = views_stage.FOVY
             return lens
-        if isinstance(camera.lens, TableLens):
+        if isinstance(camera.lens, RayTableLens):
             lens.kind, lens.intrinsics = views_stage.TABLE, self._handles.reshape((-1, 1))
             return lens
         for name, kind_of_lens in (
@@ -187,26 +191,26 @@ class Mounted:
                 setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
         return lens
 
-    def _make_table(self, lens: TableLens) -> None:
+    def _make_table(self, lens: RayTableLens) -> None:
         device = self._scene.device
-        packed, widths = self._packed(lens, lens.spread)
+        packed, widths = self._packed(lens, lens.has_origins)
         self._table = wp.array(packed, dtype=wp.float32, device=device)
         self._handles = wp.array(self._handles_of(widths), dtype=wp.vec4, device=device)
 
     def set_table(self, lens: Any) -> None:
         """Write another lens over the table there is."""
         camera, own = self._camera, self._camera.lens
-        if not isinstance(own, TableLens) or not isinstance(lens, TableLens):
+        if not isinstance(own, RayTableLens) or not isinstance(lens, RayTableLens):
             raise WarpcamError(
                 f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
                 f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
             )
-        if lens.spread and not own.spread:
+        if lens.has_origins and not own.has_origins:
             raise WarpcamError(
                 f"{camera.where}: set_lens was given Rays with origins, and the renderer was built with a lens whose "
                 "rays all begin at the camera's position; build it with Rays that have origins"
             )
-        packed, widths = self._packed(lens, own.spread)
+        packed, widths = self._packed(lens, own.has_origins)
         if len(packed) > len(self._table):
             raise WarpcamError(
                 f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
@@ -215,19 +219,19 @@ class Mounted:
         self._table.assign(np.broadcast_to(packed, self._table.shape))
         self._handles.assign(self._handles_of(widths))
 
-    def _packed(self, lens: TableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
+    def _packed(self, lens: RayTableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
         """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is of each."""
         size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
         rays = lens.rays(*size)
         if not spread:
             return pack_rays(rays), [pixel_angle(one) for one in rays]
         rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
-        widths = [spread_width(one, begin) for one, begin in zip(rays, starts, strict=True)]
-        return pack_spread(rays, starts), widths
+        widths = [offset_pixel_width(one, begin) for one, begin in zip(rays, starts, strict=True)]
+        return pack_offset_rays(rays, starts), widths
 
     def _handles_of(self, widths: list[float]) -> np.ndarray:
         count, floats = self._table.shape
-        return handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
+        return table_handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
@@ -249,7 +253,7 @@ class Mounted:
             data = stacked if name == "intrinsics" else stacked[:, 0]
             self.arrays[name] = wp.array(np.ascontiguousarray(data), dtype=dtype, device=self._scene.device)
 
-    def _make_looks(self) -> None:
+    def _make_exposure(self) -> None:
         camera, device = self._camera, self._scene.device
         if isinstance(camera.background, np.ndarray):
             self._own("background", camera.background, wp.vec3)
@@ -309,7 +313,7 @@ def pose_bytes(camera: Camera) -> int:
 
 def shared_bytes(camera: Camera, num_worlds: int) -> int:
     """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
-    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, TableLens) else 0
+    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, RayTableLens) else 0
     return table + 4 * isinstance(camera.background, np.ndarray)
 
 

@@ -10,13 +10,12 @@ from warpcam.camera.lens import Projection
 from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import LayerTables, Mirror
-from warpcam.kernels.passes import antialiasing, mirrors, shadow, splats, view_shape_lists, visibility
-from warpcam.kernels.passes import shading as resolve
+from warpcam.kernels.passes import antialiasing, mirrors, shading, shadow, splats, view_shape_lists, visibility
 from warpcam.kernels.runtime.launch import Group, Stage
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, View
-from warpcam.render.flow_history import CameraPast, asks
-from warpcam.scene.layers import mirrors_of, veils_of
+from warpcam.render.flow_history import CameraHistory, needs_history
+from warpcam.scene.layers import shows_mirrors, shows_transparent
 
 MAX_PIXELS = 2**31
 
@@ -34,40 +33,40 @@ class Stages:
     """Those of a group of worlds.
 
     Attributes:
-        first: Up to those that find what is seen and what lies in shadows.
-        last: The rest; nothing else writes ``Target.late_images``.
+        visibility: Up to those that find what is seen and what lies in shadows.
+        shading: The rest; nothing else writes ``CameraPasses.written_by_last_stage``.
     """
 
-    first: list[Stage]
-    last: list[Stage]
+    visibility: list[Stage]
+    shading: list[Stage]
 
 
-def list_rows(camera: Camera, projection: Projection, tables: Tables, device: wp.Device) -> int:
+def list_rows(camera: Camera, projection: Projection, tables: SceneTables, device: wp.Device) -> int:
     """Rows of four words that a camera has in each world for the shapes its image may show."""
-    if veils_of(camera, tables):  # a trace of its own leaves out what is transparent
+    if shows_transparent(camera, tables):  # a trace of its own leaves out what is transparent
         return 0
     capacity = view_shape_lists.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device)
     return view_shape_lists.rows_of(capacity, camera.outputs)
 
 
-class Target:
+class CameraPasses:
     """Only what the camera's outputs need is there.
 
     Attributes:
         views: View, (world,).
         images: Array of each output, (world, height, width, channels).
-        late_images: Names of those that only the last stages write, where these may wait for other worlds.
-        past: What is kept of the last frame; None where no output needs it.
+        written_by_last_stage: Names of those that only the last stages write, where these may wait for other worlds.
+        history: What is kept of the last frame; None where no output needs it.
         lists: vec4, (world, row): the shapes that its images may show, where a stage lists them; else None.
     """
 
-    def __init__(self, camera: Camera, projection: Projection, tables: Tables, device: wp.Device):
+    def __init__(self, camera: Camera, projection: Projection, tables: SceneTables, device: wp.Device):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
         self._camera, self._device = camera, device
-        self.late_images = _late_images(camera, tables)
+        self.written_by_last_stage = _written_by_last_stage(camera, tables)
         self.views = wp.zeros(num_worlds, dtype=View, device=device)
-        behind = num_worlds if mirrors_of(camera, tables) else 0
+        behind = num_worlds if shows_mirrors(camera, tables) else 0
         self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
         self._mirrors = wp.zeros(behind, dtype=Mirror, device=device)
         self.images: dict[str, wp.array] = {
@@ -76,11 +75,13 @@ class Target:
         }
         rows = list_rows(camera, projection, tables, device)
         self.lists = wp.zeros((num_worlds, rows), dtype=wp.vec4, device=device) if rows else None
-        self.past = CameraPast(camera, tables, device, self.images, listed=rows > 0) if asks(camera) else None
+        self.history = (
+            CameraHistory(camera, tables, device, self.images, listed=rows > 0) if needs_history(camera) else None
+        )
 
-    def record(
+    def bind(
         self,
-        tables: Tables,
+        tables: SceneTables,
         projection: Projection,
         group: Group,
         buffers: Mapping[str, wp.array],
@@ -90,19 +91,19 @@ class Target:
         """The stages that make the images of a group of worlds from their views, by way of ``buffers``."""
         lit = [name for name in self.images if OUTPUTS[name].lit]
         rest = [name for name in self.images if not OUTPUTS[name].lit]
-        if veils_of(self._camera, tables):  # what is seen through is not where the other outputs have it
+        if shows_transparent(self._camera, tables):  # what is seen through is not where the other outputs have it
             sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
             recorded = [
-                self._record(names, opaque, tables, projection, group, buffers, mask, faults) for names, opaque in sets
+                self._bind(names, opaque, tables, projection, group, buffers, mask, faults) for names, opaque in sets
             ]
-            return Stages([stage for stages in recorded for stage in (*stages.first, *stages.last)], [])
-        return self._record([*lit, *rest], False, tables, projection, group, buffers, mask, faults)
+            return Stages([stage for stages in recorded for stage in (*stages.visibility, *stages.shading)], [])
+        return self._bind([*lit, *rest], False, tables, projection, group, buffers, mask, faults)
 
-    def _record(
+    def _bind(
         self,
         outputs: list[str],
         opaque: bool,
-        tables: Tables,
+        tables: SceneTables,
         projection: Projection,
         group: Group,
         buffers: Mapping[str, wp.array],
@@ -124,16 +125,18 @@ class Target:
                 derived[name] = wp.array(
                     ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
                 )
-        if "albedo" in derived and visibility.paints(tables, projection, width, height, group.at_once, traced, device):
+        if "albedo" in derived and visibility.paints(
+            tables, projection, width, height, group.concurrent_worlds, traced, device
+        ):
             traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
         if projection in visibility.TABLES:
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
-        veil_places = layers.veil_places if opaque and layers is not None else None
+        transparent_index = layers.transparent_index if opaque and layers is not None else None
         first = [
-            visibility.record(
+            visibility.bind(
                 tables,
                 projection,
                 views,
@@ -147,29 +150,25 @@ class Target:
                 traced,
                 device,
                 group,
-                veil_places,
-                trail=None if self.past is None else self.past.trail,
-                facts=resolve.facts_of_looks(tables) | resolve.HAS_MIPS * tables.has_mips,
+                transparent_index,
+                flow_history=None if self.history is None else self.history.flow_history,
+                facts=shading.facts_of_looks(tables) | shading.HAS_MIPS * tables.has_mips,
                 lists=self.lists,
             )
         ]
         if shadows is not None:
             first.append(
-                shadow.record(
-                    tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group
-                )
+                shadow.bind(tables, projection, views, mask, depth, shape, face, width, height, shadows, device, group)
             )
         last: list[Stage] = []
         if derived:
             reflecting = layers is not None and bool(lit) and self._mirrors.size > 0
             if layers is not None and reflecting:
-                last += self._record_mirrors(
-                    lit, tables, layers, projection, group, buffers, mask, faults, depth, shape
-                )
+                last += self._bind_mirrors(lit, tables, layers, projection, group, buffers, mask, faults, depth, shape)
             if face is None:
                 face = wp.empty(0, dtype=wp.int32, device=device)
             last.append(
-                resolve.record(
+                shading.bind(
                     derived,
                     projection,
                     tables,
@@ -190,7 +189,7 @@ class Target:
             )
         if smooth:
             last.append(
-                antialiasing.record(
+                antialiasing.bind(
                     {name: self.images[name] for name in smooth},
                     {name: lit[name] for name in smooth},
                     tables,
@@ -205,11 +204,11 @@ class Target:
                 )
             )
         if tables.splats is not None:
-            trail = None if self.past is None else self.past.trail
-            first.insert(0, splats.record_check(tables, views, mask, faults, device, group))
+            flow_history = None if self.history is None else self.history.flow_history
+            first.insert(0, splats.bind_check(tables, views, mask, faults, device, group))
             blended = {name: self.images[name] for name in outputs}
             last.append(
-                splats.record(
+                splats.bind(
                     _swapped(blended) if projection in visibility.TABLES else blended,
                     projection,
                     tables,
@@ -221,15 +220,15 @@ class Target:
                     height,
                     device,
                     group,
-                    trail,
+                    flow_history,
                 )
             )
         return Stages(first, last)
 
-    def _record_mirrors(
+    def _bind_mirrors(
         self,
         outputs: Mapping[str, wp.array],
-        tables: Tables,
+        tables: SceneTables,
         layers: LayerTables,
         projection: Projection,
         group: Group,
@@ -243,10 +242,8 @@ class Target:
         device, width, height = self._device, self._camera.width, self._camera.height
         depth, shape, face = (buffers.get(f"mirror {name}") for name in ("depth", "shape", "face"))
         return [
-            mirrors.record_mirrors(
-                tables, layers, self.views, mask, width, self._mirrors, self._mirrored, device, group
-            ),
-            mirrors.record_trace(
+            mirrors.bind_mirrors(tables, layers, self.views, mask, width, self._mirrors, self._mirrored, device, group),
+            mirrors.bind_trace(
                 tables,
                 layers,
                 projection,
@@ -264,7 +261,7 @@ class Target:
                 device,
                 group,
             ),
-            resolve.record(
+            shading.bind(
                 outputs,
                 projection,
                 tables,
@@ -285,10 +282,10 @@ class Target:
         ]
 
 
-def _late_images(camera: Camera, tables: Tables) -> set[str]:
+def _written_by_last_stage(camera: Camera, tables: SceneTables) -> set[str]:
     # With transparent shapes there are two traces, one after the other. The smoothing of edges is best beside the trace
     # of other worlds, and not after that of all.
-    if veils_of(camera, tables) or smooth_outputs(camera.outputs, camera.antialiasing):
+    if shows_transparent(camera, tables) or smooth_outputs(camera.outputs, camera.antialiasing):
         return set()
     derived = {name for name in camera.outputs if traced_as(name, tables.shape_types) is None}
     # Without meshes and height fields the trace may paint albedo.

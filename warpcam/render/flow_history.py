@@ -9,99 +9,108 @@ import warp as wp
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Projection
 from warpcam.kernels.passes import flow, vertex_history, visibility
-from warpcam.kernels.runtime.flatten import flat
+from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.scene.scene import Scene
 
 OUTPUTS = ("flow", "flow_valid")
 
 
-def asks(camera: Camera) -> bool:
+def needs_history(camera: Camera) -> bool:
     """Whether that camera needs to know what was."""
     return not set(OUTPUTS).isdisjoint(camera.outputs)
 
 
-class CameraPast:
+class CameraHistory:
     """What one camera keeps of each world's last frame, and what its trace needs of it.
 
     Attributes:
-        trail: ``kernels.flow.Trail``.
+        flow_history: ``FlowHistory``.
         views: View, (world,), of the last frame; not written for listed cameras, whose stage reads them in place.
     """
 
-    def __init__(self, camera: Camera, tables: Tables, device: wp.Device, images: Mapping[str, wp.array], listed: bool):
+    def __init__(
+        self, camera: Camera, tables: SceneTables, device: wp.Device, images: Mapping[str, wp.array], listed: bool
+    ):
         worlds, self._device = tables.num_worlds, device
         self.views = wp.zeros(worlds, dtype=View, device=device)
-        self.trail = flow.Trail()
+        self.flow_history = flow.FlowHistory()
         for name in set(OUTPUTS) & images.keys():
-            setattr(self.trail, name, flat(images[name]))
-        kept = worlds * _kept_words(camera, tables)
-        self.trail.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
-        self.trail.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
+            setattr(self.flow_history, name, flatten(images[name]))
+        kept = worlds * _history_words(camera, tables)
+        self.flow_history.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
+        self.flow_history.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
         parts = worlds * _floor_parts(camera, tables, device)
-        self.trail.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
-        self.trail.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
+        self.flow_history.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
+        self.flow_history.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
         rows = 0 if visibility.composes(tables, device) and not listed else flow.motion_rows(tables)
-        self.trail.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
-        self.trail.views_before = self.views
-        self.trail.columns = tables.num_shapes
-        self.trail.width, self.trail.height = camera.width, camera.height
+        self.flow_history.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
+        self.flow_history.views_before = self.views
+        self.flow_history.columns = tables.num_shapes
+        self.flow_history.width, self.flow_history.height = camera.width, camera.height
 
-    def record(self, tables: Tables, views: wp.array, projection: Projection, mask: wp.array, keep: bool) -> Stage:
+    def bind(self, tables: SceneTables, views: wp.array, projection: Projection, mask: wp.array, keep: bool) -> Stage:
         """The stage before the trace; with ``keep`` the last of its kind in the frame."""
-        return flow.record_motions(tables, views, mask, projection, keep, self.trail, self._device)
+        return flow.bind_motions(tables, views, mask, projection, keep, self.flow_history, self._device)
 
 
-class ShapesPast:
+class ShapeHistory:
     """What all cameras share: where shapes and the corners of moving meshes were.
 
     Attributes:
-        known: uint8, (world,): what is known of each world's last frame, see ``kernels/passes/views.py``.
-        composed: The traces, or the stages that list shapes, compose motions; else stages of their own do.
-        rows: vec4, (world, 4 for each shape): ``kernels.flow.Trail.before``.
-        next_rows: The same, ``kernels.flow.Trail.after``; empty where not ``composed``.
-        corners: ``kernels.corners.CornersBefore``, or None where no mesh moves.
+        frame_state: uint8, (world,): what is known of each world's last frame, see ``kernels/passes/views.py``.
+        composed_by_trace: The traces, or the stages that list shapes, compose motions; else stages of their own do.
+        poses: vec4, (world, 4 for each shape): ``FlowHistory.before``.
+        next_poses: The same, ``FlowHistory.after``; empty where not ``composed_by_trace``.
+        corners: ``VertexHistory``, or None where no mesh moves.
     """
 
-    def __init__(self, scene: Scene, tables: Tables):
+    def __init__(self, scene: Scene, tables: SceneTables):
         device = scene.device
-        self.known = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
-        self.composed = visibility.composes(tables, device)
+        self.frame_state = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
+        self.composed_by_trace = visibility.composes(tables, device)
         size = (tables.num_worlds, 4 * tables.num_shapes)
-        self.rows = wp.zeros(size, dtype=wp.vec4, device=device)
-        self.next_rows = wp.zeros(size if self.composed else (0, 0), dtype=wp.vec4, device=device)
+        self.poses = wp.zeros(size, dtype=wp.vec4, device=device)
+        self.next_poses = wp.zeros(size if self.composed_by_trace else (0, 0), dtype=wp.vec4, device=device)
         self.corners = None
         if tables.moving:
             moving = np.asarray(tables.moving)
             counts, worlds = scene.moving_faces(), _worlds_of(scene, tables)
-            self.corners = vertex_history.corners_before(tables.meshes, moving, counts, worlds, device)
+            self.corners = vertex_history.allocate_vertex_history(tables.meshes, moving, counts, worlds, device)
         self._device = device
 
-    def lend(self, trail: Any, tables: Tables, keep: bool) -> None:
+    def share_with(self, flow_history: Any, tables: SceneTables, keep: bool) -> None:
         """Give a camera's trace what is shared; with ``keep`` it is the last of its kind in the frame."""
-        trail.known, trail.before, trail.after, trail.keep = self.known, self.rows, self.next_rows, int(keep)
+        flow_history.known, flow_history.before, flow_history.after, flow_history.keep = (
+            self.frame_state,
+            self.poses,
+            self.next_poses,
+            int(keep),
+        )
         if self.corners is not None:
-            trail.corners, trail.corner_starts = self.corners.corners, self.corners.starts
-            trail.faces, trail.face_start = tables.meshes.faces, tables.meshes.face_start
+            flow_history.corners, flow_history.corner_starts = self.corners.corners, self.corners.starts
+            flow_history.faces, flow_history.face_start = tables.meshes.faces, tables.meshes.face_start
 
-    def record_after(self, tables: Tables, mask: wp.array) -> list[Stage]:
+    def bind_after(self, tables: SceneTables, mask: wp.array) -> list[Stage]:
         """The stages after all traces."""
         return (
             []
             if self.corners is None
-            else [vertex_history.record_corners(self.corners, tables.meshes, mask, self._device)]
+            else [vertex_history.bind_vertex_history(self.corners, tables.meshes, mask, self._device)]
         )
 
-    def record_forget(self, mask: wp.array) -> Stage:
+    def bind_reset(self, mask: wp.array) -> Stage:
         """The stage after which nothing is known of the worlds that a mask has."""
-        return flow.record_forget(self.known, mask, self._device)
+        return flow.bind_reset(self.frame_state, mask, self._device)
 
 
-def past_bytes(cameras: Mapping[str | int, Camera], listed: Collection[str | int], scene: Scene, tables: Tables) -> int:
+def history_bytes(
+    cameras: Mapping[str | int, Camera], listed: Collection[str | int], scene: Scene, tables: SceneTables
+) -> int:
     """Bytes that all of this takes; of the cameras that are ``listed`` the stage of views composes motions."""
-    asking = {key: camera for key, camera in cameras.items() if asks(camera)}
+    asking = {key: camera for key, camera in cameras.items() if needs_history(camera)}
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
@@ -110,26 +119,26 @@ def past_bytes(cameras: Mapping[str | int, Camera], listed: Collection[str | int
     each = sum(
         view
         + (0 if composed and key not in listed else motions)
-        + 2 * (4 * _kept_words(camera, tables) + _floor_parts(camera, tables, scene.device))
+        + 2 * (4 * _history_words(camera, tables) + _floor_parts(camera, tables, scene.device))
         for key, camera in asking.items()
     )
     total = tables.num_worlds * (1 + each + (2 if composed else 1) * 4 * row * tables.num_shapes)
     if tables.moving:
-        total += vertex_history.corners_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
+        total += vertex_history.vertex_history_bytes(tables.meshes, np.asarray(tables.moving), scene.moving_faces())
     return total
 
 
-def _kept_words(camera: Camera, tables: Tables) -> int:
-    return flow.kept_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
+def _history_words(camera: Camera, tables: SceneTables) -> int:
+    return flow.history_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
 
 
-def _floor_parts(camera: Camera, tables: Tables, device: wp.Device) -> int:
+def _floor_parts(camera: Camera, tables: SceneTables, device: wp.Device) -> int:
     if "flow_valid" not in camera.outputs:
         return 0
     return visibility.floor_parts(tables, device, camera.width, camera.height)
 
 
-def _worlds_of(scene: Scene, tables: Tables) -> np.ndarray:
+def _worlds_of(scene: Scene, tables: SceneTables) -> np.ndarray:
     """The one world that has a mesh, (mesh,) int32; -1 if several have it, or none."""
     assets = tables.shapes.assets.numpy()
     meshes = tables.meshes.face_start.shape[0]

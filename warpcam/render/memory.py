@@ -12,7 +12,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
 from warpcam.render.camera_passes import check_size, list_rows
-from warpcam.render.flow_history import past_bytes
+from warpcam.render.flow_history import history_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.layers import world_bytes
 from warpcam.scene.scene import Scene
@@ -80,7 +80,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         worlds=scene.num_worlds
         * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene.num_worlds) for one in by_key.values()),
-        past=past_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
+        past=history_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
     )
 
 

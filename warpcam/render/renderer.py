@@ -16,27 +16,27 @@ from warpcam.camera.outputs import OUTPUTS
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
-from warpcam.kernels.passes.views import Tags, opening_of
-from warpcam.kernels.runtime.launch import Frame, Group, Stage, bind
-from warpcam.kernels.runtime.streams import context_kept, quiet_stream
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.passes.views import FrameCounters, make_frame_start
+from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
+from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.render.camera_binding import CameraArrays, Mounted
-from warpcam.render.camera_passes import Stages, Target
-from warpcam.render.flow_history import ShapesPast
+from warpcam.render.camera_binding import CameraArrays, CameraBinding
+from warpcam.render.camera_passes import CameraPasses, Stages
+from warpcam.render.flow_history import ShapeHistory
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
-from warpcam.render.scratch_memory import Lenders, Portion, Scratch, Turns, cuts_in_waves
+from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
 from warpcam.scene.scene import Scene
 
 # A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
 # for.
-WORTH_PARTING = 2**22
-PARTS = 3
-TURNS = 2  # in which worlds of a group are coloured where that makes groups fewer
-WALKED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
+SPLIT_ABOVE_PIXELS = 2**22
+CHAINS = 3
+ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
+TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
 # While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
-_turns: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
+_device_locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
 
 Images = dict[str | int, dict[str, torch_interop.Tensor]]
 
@@ -47,7 +47,7 @@ MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without rec
 class Recording:
     """Frames and their graphs, each of all worlds (True) or of those that were chosen."""
 
-    frames: dict[bool, Frame]
+    frames: dict[bool, FrameGraph]
     graphs: dict[bool, wp.Graph]
 
 
@@ -74,7 +74,7 @@ class Renderer:
         WarpcamError: A camera does not fit the scene, or more memory is needed than the device has free.
     """
 
-    @context_kept()
+    @preserve_cuda_context()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].face for camera in self._cameras.values() for name in camera.outputs)
@@ -85,33 +85,36 @@ class Renderer:
         self.memory = estimate_memory(scene, cameras)
         require_free(self.memory, scene.device)
         self._graph = graph and scene.device.is_cuda
-        self._turn = _turns[scene.device.alias] if scene.device.is_cuda else threading.Lock()
+        self._lock = _device_locks[scene.device.alias] if scene.device.is_cuda else threading.Lock()
         tables = scene.tables()
-        self._mounted = {key: Mounted(camera, scene) for key, camera in self._cameras.items()}
-        self._targets = {
-            key: Target(camera, self._mounted[key].projection, tables, scene.device)
+        self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
+        self._passes = {
+            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device)
             for key, camera in self._cameras.items()
         }
         self._selection = Selection(scene.num_worlds, scene.device)
-        self._past = [(key, target.past) for key, target in self._targets.items() if target.past is not None]
-        self._shapes_past = ShapesPast(scene, tables) if self._past else None
+        self._histories = [(key, target.history) for key, target in self._passes.items() if target.history is not None]
+        self._shape_history = ShapeHistory(scene, tables) if self._histories else None
         self._scratch = Scratch(self._cameras, tables, scene.device)
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = torch_interop.to_torch(self._faults)
-        self._tags = Tags.of(scene.num_worlds, scene.device)
-        self.frames, self.times = torch_interop.to_torch(self._tags.frames), torch_interop.to_torch(self._tags.times)
+        self._counters = FrameCounters.of(scene.num_worlds, scene.device)
+        self.frames, self.times = (
+            torch_interop.to_torch(self._counters.frames),
+            torch_interop.to_torch(self._counters.times),
+        )
         self.images: Images = {
             key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
-            for key, target in self._targets.items()
+            for key, target in self._passes.items()
         }
         self._arrays = {
-            key: CameraArrays(self._cameras[key].where, mounted.arrays) for key, mounted in self._mounted.items()
+            key: CameraArrays(self._cameras[key].where, binding.arrays) for key, binding in self._bindings.items()
         }
-        self._tables: Tables | None = None
+        self._tables: SceneTables | None = None
         # What is drawn by the scene's stages, the last used at the end.
         self._recordings: dict[tuple[Stage, ...], Recording] = {}
-        self._record(tables)
+        self._bind(tables)
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
         """Render the state as it is now.
@@ -132,7 +135,7 @@ class Renderer:
         """
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
-        with self._turn, torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
                     "render: a capture is under way, but this scene's poses come from the host and would not be copied "
@@ -145,7 +148,7 @@ class Renderer:
             self._scene.refresh()
             tables = self._scene.tables()
             if tables is not self._tables or self._scene.clock() is not self._clock:
-                self._record(tables)
+                self._bind(tables)
             self._run(worlds is None, capturing)
         return self.images
 
@@ -158,18 +161,18 @@ class Renderer:
         Args:
             worlds: As ``render`` takes them.
         """
-        if self._shapes_past is None:
+        if self._shape_history is None:
             return
-        with self._turn, torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             if worlds is None:
-                self._shapes_past.known.zero_()
+                self._shape_history.frame_state.zero_()
                 return
             self._selection.select(worlds, capturing, "reset")
             self._forget.launch()
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``: the same memory, (world, height, width, channels)."""
-        target = self._targets[self._key(camera)]
+        target = self._passes[self._key(camera)]
         if output not in tuple(target.images):
             raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
         return target.images[output]
@@ -189,8 +192,8 @@ class Renderer:
             lens: One for all worlds, or, if the camera was built with one for each, one for each.
         """
         torch_interop.require_no_capture(self._device, "set_lens")
-        with self._turn, torch_interop.in_order(self._device):
-            self._mounted[self._key(camera)].set_table(lens)
+        with self._lock, torch_interop.in_order(self._device):
+            self._bindings[self._key(camera)].set_table(lens)
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
@@ -201,29 +204,29 @@ class Renderer:
             raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
         return camera
 
-    def _record(self, tables: Tables) -> None:
+    def _bind(self, tables: SceneTables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         known = None
-        if self._shapes_past is not None:
-            known = self._shapes_past.known
-            for number, (_, past) in enumerate(self._past):
-                self._shapes_past.lend(past.trail, tables, keep=number == len(self._past) - 1)
+        if self._shape_history is not None:
+            known = self._shape_history.frame_state
+            for number, (_, history) in enumerate(self._histories):
+                self._shape_history.share_with(history.flow_history, tables, keep=number == len(self._histories) - 1)
 
-        def record_views(opening: Any) -> Iterator[Stage]:
-            for key, mounted in self._mounted.items():
-                target = self._targets[key]
-                yield mounted.record(mask, faults, target.views, tables, target.past, target.lists, opening)
-                opening = None
+        def record_views(frame_start: Any) -> Iterator[Stage]:
+            for key, binding in self._bindings.items():
+                target = self._passes[key]
+                yield binding.bind(mask, faults, target.views, tables, target.history, target.lists, frame_start)
+                frame_start = None
 
-        images = {key: target.images for key, target in self._targets.items()}
+        images = {key: target.images for key, target in self._passes.items()}
         clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
-            opening = opening_of(everything, clock, self._tags, self._device, known)
-            frames[everything] = [[list(record_views(opening))]]
-            frames[everything] += self._record_motion(tables)
-            phases: list[Turns] = [[portions] for portions in scratch.phases(images if everything else None)]
+            frame_start = make_frame_start(everything, clock, self._counters, self._device, known)
+            frames[everything] = [[list(record_views(frame_start))]]
+            frames[everything] += self._bind_motion(tables)
+            phases: list[Rounds] = [[batches] for batches in scratch.phases(images if everything else None)]
             chains = None
             if everything and len(phases) > 1 and self._is_large(self._pixels(phases[0])):
                 chains = self._chains(tables, images)
@@ -231,35 +234,35 @@ class Renderer:
             if everything:
                 busiest = max(map(self._pixels, phases), default=0)
             if chains:
-                frames[everything].append([self._record_chain(tables, chain, busiest) for chain in chains])
+                frames[everything].append([self._bind_chain(tables, chain, busiest) for chain in chains])
             else:
                 for phase in phases:
-                    frames[everything] += self._record_phase(tables, phase, busiest)
-            frames[everything] += self._record_keeping(tables)
+                    frames[everything] += self._bind_phase(tables, phase, busiest)
+            frames[everything] += self._bind_history(tables)
         self._phases, self._recordings = frames, {}
-        if self._shapes_past is not None:
-            self._forget = self._shapes_past.record_forget(mask)
-            self._forget.bind()
-        bind([stage for frame in self._recording().frames.values() for stage in frame.stages])
+        if self._shape_history is not None:
+            self._forget = self._shape_history.bind_reset(mask)
+            self._forget.prepare()
+        prepare([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
 
-    def _record_motion(self, tables: Tables) -> list[list[list[Stage]]]:
+    def _bind_motion(self, tables: SceneTables) -> list[list[list[Stage]]]:
         """The phase before the trace that looks at what was, if some camera asks for flow."""
-        if self._shapes_past is None:
+        if self._shape_history is None:
             return []
         stages = []
-        for number, (key, past) in enumerate(self._past):
-            last = number == len(self._past) - 1
-            views, projection = self._targets[key].views, self._mounted[key].projection
-            if not self._shapes_past.composed:
-                stages.append(past.record(tables, views, projection, self._selection.mask, keep=last))
+        for number, (key, history) in enumerate(self._histories):
+            last = number == len(self._histories) - 1
+            views, projection = self._passes[key].views, self._bindings[key].projection
+            if not self._shape_history.composed_by_trace:
+                stages.append(history.bind(tables, views, projection, self._selection.mask, keep=last))
         return [[stages]] if stages else []
 
-    def _record_keeping(self, tables: Tables) -> list[list[list[Stage]]]:
+    def _bind_history(self, tables: SceneTables) -> list[list[list[Stage]]]:
         """The phase after it in which what is becomes what was, if that is not done yet."""
-        if self._shapes_past is None:
+        if self._shape_history is None:
             return []
-        return [[stages]] if (stages := self._shapes_past.record_after(tables, self._selection.mask)) else []
+        return [[stages]] if (stages := self._shape_history.bind_after(tables, self._selection.mask)) else []
 
     def _recording(self) -> Recording:
         """The frames for what the scene is bound to now."""
@@ -268,81 +271,79 @@ class Renderer:
         if recording is None:
             if len(self._recordings) >= MAX_RECORDINGS:
                 self._recordings.pop(next(iter(self._recordings)))
-            needed = [stage for stage in stages if self._shades or not stage.shading]
-            aside = [stage for stage in needed if stage.aside]
-            rest = [stage for stage in needed if not stage.aside]
+            needed = [stage for stage in stages if self._shades or not stage.for_shading_only]
+            aside = [stage for stage in needed if stage.independent]
+            rest = [stage for stage in needed if not stage.independent]
             frames = {}
             for everything, ((views,), *phases) in self._phases.items():
                 head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
-                frames[everything] = Frame([*head, *phases], self._device)
+                frames[everything] = FrameGraph([*head, *phases], self._device)
             recording = Recording(frames, {})
         self._recordings[stages] = recording
         return recording
 
     def _is_large(self, pixels: int) -> bool:
         """Whether so many pixels at once are worth more than one launch of a stage."""
-        return self._device.is_cuda and pixels >= WORTH_PARTING
+        return self._device.is_cuda and pixels >= SPLIT_ABOVE_PIXELS
 
-    def _pixels(self, phase: Turns) -> int:
-        portions = itertools.chain(*phase)
-        return sum(len(each.worlds) * self._area(each) for each in portions)
+    def _pixels(self, phase: Rounds) -> int:
+        batches = itertools.chain(*phase)
+        return sum(len(each.worlds) * self._area(each) for each in batches)
 
-    def _area(self, portion: Portion) -> int:
-        camera = self._cameras[portion.camera]
+    def _area(self, batch: Batch) -> int:
+        camera = self._cameras[batch.camera]
         return camera.width * camera.height
 
-    def _chains(self, tables: Tables, images: Lenders) -> list[list[list[Portion]]] | None:
+    def _chains(self, tables: SceneTables, images: LentImages) -> list[list[list[Batch]]] | None:
         """Phases that need not wait for each other, where that is better than one after another.
 
         It is not where rays walk through meshes and terrain, which they do best while nothing else runs beside them.
         """
-        return self._scratch.chains(images, PARTS) if WALKED.isdisjoint(tables.shape_types) else None
+        return self._scratch.chains(images, CHAINS) if TRAVERSED.isdisjoint(tables.shape_types) else None
 
-    def _fewer(self, phases: list[Turns], images: Lenders) -> list[Turns]:
+    def _fewer(self, phases: list[Rounds], images: LentImages) -> list[Rounds]:
         """The same phases or, if these are fewer, phases of several turns."""
-        late = {key: target.late_images for key, target in self._targets.items()}
-        in_turns = self._scratch.phases_of_turns(images, late, TURNS) if any(late.values()) else phases
+        late = {key: target.written_by_last_stage for key, target in self._passes.items()}
+        in_turns = self._scratch.phases_of_rounds(images, late, ROUNDS) if any(late.values()) else phases
         return in_turns if len(in_turns) < len(phases) else phases
 
-    def _record_chain(self, tables: Tables, chain: list[list[Portion]], busiest: int) -> list[Stage]:
+    def _bind_chain(self, tables: SceneTables, chain: list[list[Batch]], busiest: int) -> list[Stage]:
         """Stages one after another, of portions each of which waits for the one before."""
         return [
             stage
-            for portion in itertools.chain(*chain)
-            for stages in self._record_portion(tables, portion, 1, busiest)
-            for stage in (*stages.first, *stages.last)
+            for batch in itertools.chain(*chain)
+            for stages in self._bind_batch(tables, batch, 1, busiest)
+            for stage in (*stages.visibility, *stages.shading)
         ]
 
-    def _record_phase(self, tables: Tables, phase: Turns, busiest: int) -> list[list[list[Stage]]]:
+    def _bind_phase(self, tables: SceneTables, phase: Rounds, busiest: int) -> list[list[list[Stage]]]:
         """Chains of stages that may run side by side, and then the last stages of other turns than the first."""
-        parts = -(-PARTS // len(phase[0])) if len(phase) == 1 else 1
+        parts = -(-CHAINS // len(phase[0])) if len(phase) == 1 else 1
         first, *others = (
-            [stages for portion in portions for stages in self._record_portion(tables, portion, parts, busiest)]
-            for portions in phase
+            [stages for batch in batches for stages in self._bind_batch(tables, batch, parts, busiest)]
+            for batches in phase
         )
-        together = [[*stages.first, *stages.last] for stages in first]
-        together += [stages.first for turn in others for stages in turn]
-        return [together, *([stages.last for stages in turn] for turn in others)]
+        together = [[*stages.visibility, *stages.shading] for stages in first]
+        together += [stages.visibility for turn in others for stages in turn]
+        return [together, *([stages.shading for stages in turn] for turn in others)]
 
-    def _record_portion(self, tables: Tables, portion: Portion, parts: int, busiest: int) -> Iterator[Stages]:
+    def _bind_batch(self, tables: SceneTables, batch: Batch, parts: int, busiest: int) -> Iterator[Stages]:
         """Its stages, in parts that may run side by side where it is large.
 
         Args:
             tables: The scene.
-            portion: What they draw.
+            batch: What they draw.
             parts: How many are worth it.
             busiest: Pixels of the phase that has most.
         """
-        key, area = portion.camera, self._area(portion)
-        seen, projection = self._mounted[key].seen(tables), self._mounted[key].projection
-        parts = parts if portion.buffers and self._is_large(len(portion.worlds) * area) else 1
-        cuts = cuts_in_waves(len(portion.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
-        bounds = [portion.worlds.start + cut for cut in cuts]
+        key, area = batch.camera, self._area(batch)
+        seen, projection = self._bindings[key].camera_tables(tables), self._bindings[key].projection
+        parts = parts if batch.buffers and self._is_large(len(batch.worlds) * area) else 1
+        cuts = cuts_in_waves(len(batch.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
+        bounds = [batch.worlds.start + cut for cut in cuts]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
-            yield self._targets[key].record(
-                seen, projection, group, portion.buffers, self._selection.mask, self._faults
-            )
+            yield self._passes[key].bind(seen, projection, group, batch.buffers, self._selection.mask, self._faults)
 
     def _run(self, everything: bool, capturing: bool) -> None:
         recording = self._recording()
@@ -355,7 +356,7 @@ class Renderer:
             return
         frame.launch()  # the first time by itself: the driver may still have to load the kernels
         # On a stream that nobody else knows: what other threads launch meanwhile is none of this graph.
-        stream = quiet_stream(self._device)
+        stream = nonblocking_stream(self._device)
         with wp.ScopedCapture(stream=stream) as capture:
             frame.launch(stream)
         graphs[everything] = capture.graph

@@ -18,12 +18,12 @@ from typing import Any, TypeVar
 import warp as wp
 
 from warpcam.camera.camera import Camera
-from warpcam.camera.lens_tables import TableLens
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
 from warpcam.kernels.passes import antialiasing, visibility
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.scene.layers import mirrors_of, veils_of
+from warpcam.scene.layers import shows_mirrors, shows_transparent
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
@@ -32,11 +32,11 @@ ALIGNMENT = 256  # of a buffer [bytes]
 SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
-Lenders = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
+LentImages = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
 Buffer = tuple[str | int, int, str]  # camera, first world and name
 
 
-def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
+def buffers_of(camera: Camera, tables: SceneTables) -> dict[str, Any]:
     """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
@@ -47,11 +47,11 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
         or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
     )
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
-    if isinstance(camera.lens, TableLens):  # whose trace has the distance where others have depth
+    if isinstance(camera.lens, RayTableLens):  # whose trace has the distance where others have depth
         images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
     faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
     # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
-    apart, mirrors = veils_of(camera, tables), mirrors_of(camera, tables)
+    apart, mirrors = shows_transparent(camera, tables), shows_mirrors(camera, tables)
     wanted = {
         "depth": apart or (needed and "depth" not in images),
         "shape": apart or (needed and "shape" not in images),
@@ -73,7 +73,7 @@ def buffers_of(camera: Camera, tables: Tables) -> dict[str, Any]:
     return chosen | {f"lit {name}": PIXELS[name] for name in smooth}
 
 
-def image_bytes(camera: Camera, tables: Tables) -> dict[str, int]:
+def image_bytes(camera: Camera, tables: SceneTables) -> dict[str, int]:
     """Bytes of each image."""
     return {name: tables.num_worlds * count for name, count in _world_bytes(camera).items()}
 
@@ -87,7 +87,7 @@ def _world_bytes(camera: Camera) -> dict[str, int]:
 
 
 @dataclass(frozen=True)
-class Piece:
+class Block:
     """Memory from one address to another."""
 
     start: int
@@ -95,7 +95,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Portion:
+class Batch:
     """Worlds that one camera draws together.
 
     With them come the camera's buffers, arrays (world, height, width, 1) by name, of which only the rows of these
@@ -107,7 +107,7 @@ class Portion:
     buffers: Mapping[str, wp.array]
 
 
-Turns = list[list[Portion]]  # of a phase
+Rounds = list[list[Batch]]  # of a phase
 
 
 class Scratch:
@@ -117,7 +117,7 @@ class Scratch:
         size: Of the block [bytes].
     """
 
-    def __init__(self, cameras: Mapping[str | int, Camera], tables: Tables, device: wp.Device):
+    def __init__(self, cameras: Mapping[str | int, Camera], tables: SceneTables, device: wp.Device):
         self._cameras, self._tables, self._device = cameras, tables, device
         self._block = wp.empty((0, ALIGNMENT), dtype=wp.uint8, device=device)
         images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
@@ -134,7 +134,7 @@ class Scratch:
         rows = -(-self.size // ALIGNMENT)  # of one dimension it could not have 2^31 bytes
         self._block = wp.empty((rows, ALIGNMENT), dtype=wp.uint8, device=self._device)
 
-    def phases(self, images: Lenders | None) -> Iterator[list[Portion]]:
+    def phases(self, images: LentImages | None) -> Iterator[list[Batch]]:
         """What is drawn together, phase after phase, as much in each as there is room for.
 
         Args:
@@ -145,14 +145,16 @@ class Scratch:
         if images is not None and any(self.wave(key) > 1 for key in self._cameras):
             in_waves = list(self._phases(0, self._total, self._whole, images, in_waves=True))
             found = in_waves if len(in_waves) <= len(found) else found
-        for turns in found:
-            yield turns[0]
+        for rounds in found:
+            yield rounds[0]
 
     def wave(self, key: str | int) -> int:
         """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
         return antialiasing.wave(self._device) if self._in_place(self._cameras[key]) else 1
 
-    def phases_of_turns(self, images: Lenders, late: Mapping[str | int, Collection[str]], turns: int) -> list[Turns]:
+    def phases_of_rounds(
+        self, images: LentImages, late: Mapping[str | int, Collection[str]], rounds: int
+    ) -> list[Rounds]:
         """The same in larger phases, each of several turns.
 
         The last stages of a turn must wait for all stages of the turns before, which may have buffers where they write.
@@ -160,11 +162,11 @@ class Scratch:
         Args:
             images: As above.
             late: Names of the images that nothing but the last stages writes.
-            turns: How many.
+            rounds: How many.
         """
-        return list(self._phases(0, self._total, self._whole, images, late, turns))
+        return list(self._phases(0, self._total, self._whole, images, late, rounds))
 
-    def chains(self, images: Lenders, count: int) -> list[list[list[Portion]]] | None:
+    def chains(self, images: LentImages, count: int) -> list[list[list[Batch]]] | None:
         """The same phases in chains that need not wait for each other; None where the block is too small for that.
 
         Each chain has worlds of its own, lent memory of these alone, and a share of the block.
@@ -179,11 +181,11 @@ class Scratch:
             return None
         return [
             [
-                turns[0]
-                for turns in self._phases(
+                rounds[0]
+                for rounds in self._phases(
                     total * number // count,
                     total * (number + 1) // count,
-                    Piece(start + number * share, start + (number + 1) * share),
+                    Block(start + number * share, start + (number + 1) * share),
                     images,
                 )
             ]
@@ -191,9 +193,9 @@ class Scratch:
         ]
 
     @property
-    def _whole(self) -> Piece:
+    def _whole(self) -> Block:
         start = self._block.ptr or 0
-        return Piece(start, start + self.size)
+        return Block(start, start + self.size)
 
     @property
     def _total(self) -> int:
@@ -203,18 +205,18 @@ class Scratch:
         self,
         first: int,
         last: int,
-        block: Piece,
-        images: Lenders | None,
+        block: Block,
+        images: LentImages | None,
         late: Mapping[str | int, Collection[str]] = MappingProxyType({}),
-        turns: int = 1,
+        rounds: int = 1,
         in_waves: bool = False,
-    ) -> Iterator[Turns]:
+    ) -> Iterator[Rounds]:
         """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
         while first < last:
             fits, too_far = first + 1, last + 1  # the block has room for one world
             while too_far - fits > 1:
                 end = (fits + too_far) // 2
-                if self._places(_cuts(first, end, turns), last, block, images, late) is None:
+                if self._places(_cuts(first, end, rounds), last, block, images, late) is None:
                     too_far = end
                 else:
                     fits = end
@@ -222,12 +224,12 @@ class Scratch:
                 worlds = fits - first
                 step = max(self.wave(key) for key, _ in self._share(first, fits))
                 fits -= worlds % step if worlds > step else 0
-            cuts = _cuts(first, fits, turns)
+            cuts = _cuts(first, fits, rounds)
             places = self._places(cuts, last, block, images, late)
             if places is None:
                 raise AssertionError(f"scratch: {self.size} bytes have no room for one world")
             yield [
-                [Portion(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(begin, end)]
+                [Batch(key, worlds, self._buffers(key, worlds, places)) for key, worlds in self._share(begin, end)]
                 for begin, end in itertools.pairwise(cuts)
                 if begin < end
             ]
@@ -245,8 +247,8 @@ class Scratch:
         self,
         cuts: Sequence[int],
         last: int,
-        block: Piece,
-        images: Lenders | None,
+        block: Block,
+        images: LentImages | None,
         late: Mapping[str | int, Collection[str]],
     ) -> dict[Buffer, int] | None:
         """Addresses of all buffers of a phase; None if there is no room for them.
@@ -260,7 +262,7 @@ class Scratch:
             images: Those that may lend.
             late: Names of the late ones.
         """
-        free: list[Piece] = [block]
+        free: list[Block] = [block]
         places: dict[Buffer, int] = {}
         if images is not None:
             for key, worlds in self._share(cuts[1], last):
@@ -319,9 +321,9 @@ class Scratch:
         return sum(self._needed(camera, worlds).values())
 
 
-def _cuts(first: int, end: int, turns: int) -> list[int]:
+def _cuts(first: int, end: int, rounds: int) -> list[int]:
     """Where each turn begins, and where the last one ends."""
-    return [first + (end - first) * turn // turns for turn in range(turns + 1)]
+    return [first + (end - first) * turn // rounds for turn in range(rounds + 1)]
 
 
 def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
@@ -329,18 +331,18 @@ def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
     return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
 
 
-def _rows(image: wp.array, worlds: range) -> Piece:
+def _rows(image: wp.array, worlds: range) -> Block:
     """The memory of some worlds of an image."""
     start = image.ptr or 0
     end = start + worlds.stop * image.strides[0]
-    return Piece(min(_aligned(start + worlds.start * image.strides[0]), end), end)
+    return Block(min(_aligned(start + worlds.start * image.strides[0]), end), end)
 
 
 def _aligned(count: int) -> int:
     return -(-count // ALIGNMENT) * ALIGNMENT
 
 
-def _place(sizes: Mapping[Name, int], free: list[Piece], closed: Iterable[Piece]) -> dict[Name, int] | None:
+def _place(sizes: Mapping[Name, int], free: list[Block], closed: Iterable[Block]) -> dict[Name, int] | None:
     """Addresses of buffers of these sizes, the largest first where the least is left; None if they do not fit.
 
     Args:
@@ -360,6 +362,6 @@ def _place(sizes: Mapping[Name, int], free: list[Piece], closed: Iterable[Piece]
         best = min(fitting, key=lambda i: free[i].end - open_from[i])
         start, piece = open_from[best], free.pop(best)
         places[name] = start
-        rest = (Piece(piece.start, start), Piece(start + sizes[name], piece.end))
+        rest = (Block(piece.start, start), Block(start + sizes[name], piece.end))
         free += [each for each in rest if each.start < each.end]
     return places

@@ -32,7 +32,7 @@ def bounds_of(
     """Lowest and highest corner, (3,) float32 each [m]; zeros where there is nothing.
 
     Args:
-        arrays: The scene's live arrays on the host, by the names in ``scene.FIELDS``.
+        arrays: The scene's live arrays on the host, by the names in ``scene.LIVE_ARRAYS``.
         types: (shape,) int32.
         drawn: ids of the shapes that may be seen. Of those, infinite planes, transparent shapes and shapes whose
             pose is not a number do not count.

@@ -13,7 +13,7 @@ from warpcam.kernels.update import poses as pose_kernels
 from warpcam.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from warpcam.sources.common.scene_graph_source import GraphSource
+    from warpcam.sources.common.scene_graph_source import SceneGraphSource
 
 
 class DrivenScene(Scene):
@@ -26,7 +26,7 @@ class DrivenScene(Scene):
     Paths are those of the file. A path stands for itself and all that is below it.
     """
 
-    def __init__(self, source: "GraphSource"):
+    def __init__(self, source: "SceneGraphSource"):
         super().__init__(source)
         self._graph_source = source
         self._names = {node.name: index for index, node in enumerate(source.graph.nodes)}
@@ -52,7 +52,7 @@ class DrivenScene(Scene):
     @property
     def materials(self) -> tuple[str, ...]:
         """Paths of the materials."""
-        return tuple(look.name for look in self._graph_source.graph.looks)
+        return tuple(look.name for look in self._graph_source.graph.materials)
 
     @property
     def textures(self) -> tuple[str, ...]:

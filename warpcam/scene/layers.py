@@ -9,15 +9,15 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera.camera import Camera
-from warpcam.camera.lens_tables import TableLens
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.camera.outputs import OUTPUTS
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
-from warpcam.kernels.passes.mirrors import SOLID
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import BOX, PLANE, View
 
-MAX_VEILS = 256  # shapes that a block can sort
+MAX_TRANSPARENT_SHAPES = 256  # shapes that a block can sort
 
 # Which shapes are transparent: all, none, those that are now. "backs": those, and planes from behind in any case.
 Transparency = bool | None | Literal["backs"]
@@ -30,7 +30,7 @@ class Layers:
     Attributes:
         mirrors: ids of the shapes that may reflect, ascending.
         reflectance: (material,) float32.
-        veils: ids of the shapes that may be transparent, ascending.
+        transparent_shapes: ids of the shapes that may be transparent, ascending.
         reach: (shape,) float32, radius of a sphere around the shape's position that holds it; infinite for planes,
             negative where it follows from type and size [m].
         haze_plane: id of the endless plane that has a haze over its horizon, or -1.
@@ -41,7 +41,7 @@ class Layers:
 
     mirrors: Sequence[int] = ()
     reflectance: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
-    veils: Sequence[int] = ()
+    transparent_shapes: Sequence[int] = ()
     reach: np.ndarray = field(default_factory=lambda: np.zeros(0, np.float32))
     haze_plane: int = -1
     haze_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -50,10 +50,10 @@ class Layers:
 
     def tables(self, num_shapes: int, device: wp.Device) -> LayerTables | None:
         """For the kernels; None where one layer is enough."""
-        if not self.mirrors and not self.veils and self.haze_plane < 0:
+        if not self.mirrors and not self.transparent_shapes and self.haze_plane < 0:
             return None
         places = np.full(num_shapes, -1, np.int32)
-        places[np.asarray(self.veils, np.int64)] = np.arange(len(self.veils))
+        places[np.asarray(self.transparent_shapes, np.int64)] = np.arange(len(self.transparent_shapes))
         haze = None
         if self.haze_plane >= 0:
             haze = Haze()
@@ -62,14 +62,14 @@ class Layers:
         return LayerTables(
             mirrors=wp.array(np.asarray(self.mirrors, np.int32), dtype=wp.int32, device=device),
             reflectance=wp.array(self.reflectance, dtype=wp.float32, device=device),
-            veils=wp.array(np.asarray(self.veils, np.int32), dtype=wp.int32, device=device),
-            veil_places=wp.array(places, dtype=wp.int32, device=device),
+            transparent_shapes=wp.array(np.asarray(self.transparent_shapes, np.int32), dtype=wp.int32, device=device),
+            transparent_index=wp.array(places, dtype=wp.int32, device=device),
             reach=wp.array(self.reach, dtype=wp.float32, device=device),
             haze=haze,
         )
 
 
-def choice_of(name: str, wanted: Any) -> bool | None:
+def check_tristate(name: str, wanted: Any) -> bool | None:
     """What the user wants of ``name``: True, False, or None where the scene decides."""
     if not isinstance(wanted, bool | np.bool_ | None):
         raise WarpcamError(f"{name} must be True, False or None, got {wanted!r}")
@@ -88,7 +88,7 @@ def find_mirrors(
         reflectance: (material,).
         wanted: None looks; True and False are the user's word.
     """
-    wanted = choice_of("reflections", wanted)
+    wanted = check_tristate("reflections", wanted)
     able = [shape for shape in drawn if types[shape] in (PLANE, BOX)]
     if wanted is not None:
         return able if wanted else []
@@ -96,13 +96,13 @@ def find_mirrors(
     return [shape for shape in able if reflects[materials[:, shape]].any()]
 
 
-def find_veils(
+def find_transparent(
     types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: Transparency, backs: bool = True
 ) -> list[int]:
     """Shapes that are transparent in some world and planes, which are so from behind, or with ``wanted`` all.
 
-    Of more than ``MAX_VEILS`` those that are transparent now come first; what is left over is drawn solid, which the
-    log says.
+    Of more than ``MAX_TRANSPARENT_SHAPES`` those that are transparent now come first; what is left over is drawn solid,
+    which the log says.
 
     Args:
         types: (shape,).
@@ -112,48 +112,48 @@ def find_veils(
         backs: Whether planes are seen from behind.
     """
     if wanted != "backs":
-        wanted = choice_of("transparency", wanted)
-    veils = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < SOLID)).any()]
-    if wanted is False or (wanted is None and not veils):
+        wanted = check_tristate("transparency", wanted)
+    transparent = [shape for shape in drawn if ((opacity[:, shape] > 0.0) & (opacity[:, shape] < OPAQUE_ABOVE)).any()]
+    if wanted is False or (wanted is None and not transparent):
         return []
-    veils += [shape for shape in drawn if backs and types[shape] == PLANE]
+    transparent += [shape for shape in drawn if backs and types[shape] == PLANE]
     if wanted is True:
-        veils += drawn
-    found = list(dict.fromkeys(veils))
-    if len(found) > MAX_VEILS:
+        transparent += drawn
+    found = list(dict.fromkeys(transparent))
+    if len(found) > MAX_TRANSPARENT_SHAPES:
         logging.getLogger("warpcam").warning(
             "transparency: %d shapes are or may become transparent; %d of them are seen through, %d are drawn solid",
             len(found),
-            MAX_VEILS,
-            len(found) - MAX_VEILS,
+            MAX_TRANSPARENT_SHAPES,
+            len(found) - MAX_TRANSPARENT_SHAPES,
         )
-    return sorted(found[:MAX_VEILS])
+    return sorted(found[:MAX_TRANSPARENT_SHAPES])
 
 
-def veils_alone(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> Layers:
-    """The layers of a physically based scene, whose planes are not seen from behind; see ``find_veils``."""
+def transparent_layers(types: np.ndarray, drawn: Sequence[int], opacity: np.ndarray, wanted: bool | None) -> Layers:
+    """The layers of a physically based scene, whose planes are not seen from behind; see ``find_transparent``."""
     reach = np.where(types == PLANE, np.inf, -1.0).astype(np.float32)
-    wanted = choice_of("transparency", wanted)
-    return Layers(veils=find_veils(types, drawn, opacity, wanted, backs=False), reach=reach)
+    wanted = check_tristate("transparency", wanted)
+    return Layers(transparent_shapes=find_transparent(types, drawn, opacity, wanted, backs=False), reach=reach)
 
 
 def has_lit(camera: Camera) -> bool:
     return any(OUTPUTS[name].lit for name in camera.outputs)
 
 
-def mirrors_of(camera: Camera, tables: Tables) -> bool:
+def shows_mirrors(camera: Camera, tables: SceneTables) -> bool:
     """Whether that camera's images show mirrors; not through a table of rays."""
-    if isinstance(camera.lens, TableLens):
+    if isinstance(camera.lens, RayTableLens):
         return False
-    return tables.layers is not None and tables.layers.reflect and has_lit(camera)
+    return tables.layers is not None and tables.layers.has_mirrors and has_lit(camera)
 
 
-def veils_of(camera: Camera, tables: Tables) -> bool:
+def shows_transparent(camera: Camera, tables: SceneTables) -> bool:
     """Whether that camera's images show transparent shapes."""
-    return tables.layers is not None and tables.layers.veiled and has_lit(camera)
+    return tables.layers is not None and tables.layers.has_transparent and has_lit(camera)
 
 
-def world_bytes(camera: Camera, tables: Tables) -> int:
+def world_bytes(camera: Camera, tables: SceneTables) -> int:
     """What mirrors take for each world, beside images and scratch."""
     both = wp.types.type_size_in_bytes(View) + wp.types.type_size_in_bytes(Mirror)
-    return both if mirrors_of(camera, tables) else 0
+    return both if shows_mirrors(camera, tables) else 0

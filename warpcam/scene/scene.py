@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.gaussians import Packed, pack_splats
+from warpcam.accel.gaussians import PackedGaussians, pack_gaussians
 from warpcam.accel.heightfields import num_faces, pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.core import device as device_rule
@@ -16,9 +16,9 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes import views
 from warpcam.kernels.passes.shading import has_strips, is_spare
-from warpcam.kernels.passes.world_overrides import without_backdrop
-from warpcam.kernels.runtime.launch import BLOCK, Stage, run
-from warpcam.kernels.scene_tables import Tables
+from warpcam.kernels.passes.world_overrides import without_background
+from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage, run
+from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MASKED,
@@ -36,11 +36,11 @@ from warpcam.kernels.types import (
     Shapes,
 )
 from warpcam.scene.bounds import Bounds, bounds_of
-from warpcam.scene.source import FIELDS, PHYSICAL_FIELDS, SceneCamera, Source, fields_of
-from warpcam.scene.validation import check_array, check_indices, check_parts
-from warpcam.scene.world_overrides import OwnArrays
+from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, Source, live_arrays_of
+from warpcam.scene.validation import check_array, check_description, check_indices
+from warpcam.scene.world_overrides import WorldOverrides
 from warpcam.textures.hardware_mipmaps import pack_mips
-from warpcam.textures.mip_atlas import pack_sheets
+from warpcam.textures.mip_atlas import pack_mip_atlases
 from warpcam.textures.pack import pack_textures
 
 FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel asks for
@@ -62,16 +62,16 @@ class Scene:
             "cameras": len(parts.cameras),
             "terms of the sky": SKY_TERMS + 1,
         }
-        self._fields = fields_of(parts)
-        check_parts(parts, self._counts)
-        self._own = OwnArrays(parts, parts.num_worlds, self.device)
+        self._fields = live_arrays_of(parts)
+        check_description(parts, self._counts)
+        self._own = WorldOverrides(parts, parts.num_worlds, self.device)
         self._arrays: Mapping[str, wp.array] = {}
         self._key: tuple[Any, ...] = ()
         self._ambient, self._last = -1.0, ()
         self._hiding: wp.array | None = None
         seen = [int(parts.shape_types[shape]) for shape in parts.drawn]
         shut = 0 < seen.count(MESH) <= FEW_MESHES and not parts.physical and not parts.scaled
-        ahead = [(kernel, BLOCK) for kernel in source.kernels()]
+        ahead = [(kernel, BLOCK_DIM) for kernel in source.kernels()]
         ahead += [views.LAUNCHED] if ahead or parts.meshes else []  # else compiled beside a renderer's other kernels
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut, ahead)
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
@@ -80,7 +80,7 @@ class Scene:
         types, spare = set(seen), is_spare(set(seen), len(seen))
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, len(seen)) and not parts.physical):
-            self._sheets = pack_sheets(parts.textures, self._textures, self.device, not spare)
+            self._sheets = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
             if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
@@ -106,7 +106,7 @@ class Scene:
         source.arrays()
         run(self.stages())
         self._tables = self.tables()
-        check_indices(self._arrays, parts, self._seen(), source.label)
+        check_indices(self._arrays, parts, self._seen(), source.user_name)
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Scene: it cannot be copied or pickled, as it holds memory of a device; make another one")
@@ -203,8 +203,8 @@ class Scene:
     def array(self, field: str) -> wp.array:
         """The live array of that name, (world or 1, row, ...) on the scene's device: what the next render reads.
 
-        Names are those of ``FIELDS`` and ``PHYSICAL_FIELDS`` in ``warpcam/scene/source.py``, which say what each holds. Where
-        nobody but you writes it, as Newton's lights, it may be written in place; see also ``vary``.
+        Names are those of ``LIVE_ARRAYS`` and ``PBR_LIVE_ARRAYS`` in ``warpcam/scene/source.py``, which say what each
+        holds. Where nobody but you writes it, as Newton's lights, it may be written in place; see also ``vary``.
         """
         if not isinstance(field, str) or field not in self._arrays:
             raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
@@ -252,7 +252,7 @@ class Scene:
                 )
         return _find(key, tuple(parts.bodies), where, "body")
 
-    def tables(self) -> Tables:
+    def tables(self) -> SceneTables:
         """The scene for the kernels: the same object until the source's arrays are others."""
         theirs = self._source.arrays()
         arrays = self._own.over(theirs)
@@ -262,7 +262,7 @@ class Scene:
         key = (ambient, _identity(hiding), *map(_identity, arrays.values()))
         if key != self._key:
             for name, field in self._fields.items():
-                rows, label = self._counts[field.rows], self._source.label(name)
+                rows, label = self._counts[field.rows], self._source.user_name(name)
                 check_array(label, field, arrays[name], rows, self.num_worlds, self.device)
             self._arrays = arrays
             self._tables = self._build(arrays, ambient)
@@ -285,14 +285,14 @@ class Scene:
         background.skybox = -1
         return background
 
-    def tables_with(self, tables: Tables, color: tuple[float, float, float] | None) -> Tables:
+    def tables_with(self, tables: SceneTables, color: tuple[float, float, float] | None) -> SceneTables:
         """The tables with a background of one colour instead of the scene's own, or as they are for None."""
         if color is None:
             return tables
-        variety = without_backdrop(tables.variety, self.device)
-        return replace(tables, background=self.background(color), has_skybox=False, variety=variety)
+        variety = without_background(tables.world_overrides, self.device)
+        return replace(tables, background=self.background(color), has_skybox=False, world_overrides=variety)
 
-    def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> Tables:
+    def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> SceneTables:
         parts = self._parts
         arrays = self._own.finish(self._source, arrays)
         shapes, materials, lights = self._shapes(arrays, self._drawn), Materials(), Lights()
@@ -305,11 +305,11 @@ class Scene:
         if parts.physical:
             physical = Physical()
             physical.plain = lights
-            for name in PHYSICAL_FIELDS:
+            for name in PBR_LIVE_ARRAYS:
                 setattr(physical, name.removeprefix("material_").removeprefix("light_"), arrays[name])
         background = self.background((0.0, 0.0, 0.0))
         background.skybox = parts.skybox
-        return Tables(
+        return SceneTables(
             shapes=shapes,
             meshes=self._meshes,
             height_fields=self._height_fields,
@@ -327,7 +327,7 @@ class Scene:
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_mips=len(self._mips) > 0,
             has_skybox=parts.skybox >= 0 or "skybox" in self._own,
-            variety=self._own.variety(),
+            world_overrides=self._own.kernel_struct(),
             headlights=self._own.headlights,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
@@ -354,9 +354,9 @@ class Scene:
     def _ints(self, values: Any) -> wp.array:
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=self.device)
 
-    def _pack_splats(self) -> Packed | None:
+    def _pack_splats(self) -> PackedGaussians | None:
         columns = self._clouds()
-        return pack_splats(self._parts.clouds, columns, self.device) if columns else None
+        return pack_gaussians(self._parts.clouds, columns, self.device) if columns else None
 
     def _clouds(self) -> list[int]:
         return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]
@@ -377,7 +377,7 @@ class Scene:
 
 def _fill(struct: Any, prefix: str, arrays: Mapping[str, wp.array]) -> None:
     """Give a struct the arrays of the fields whose names begin so."""
-    for name in FIELDS:
+    for name in LIVE_ARRAYS:
         if name.startswith(prefix):
             setattr(struct, name.removeprefix(prefix), arrays[name])
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 import warp as wp
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh
 from warpcam.camera.lens import Projection
@@ -38,7 +38,7 @@ class SceneCamera:
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
+class SceneDescription:
     """What of a scene never changes.
 
     Attributes:
@@ -79,7 +79,7 @@ class Parts:
             ids say all.
         casting: Those of ``drawn`` that cast shadows, ascending; None: all of them.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
-        splat_limits: See ``kernels.tables.Tables``; None where clouds are seen through.
+        splat_limits: See ``kernels.scene_tables.SceneTables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
 
@@ -112,13 +112,13 @@ class Parts:
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     casting: Sequence[int] | None = None
-    clouds: Sequence[Cloud] = ()
+    clouds: Sequence[GaussianCloud] = ()
     splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 
 
 @dataclass(frozen=True)
-class Field:
+class LiveArray:
     """One live array of a source: (world, row), or (n, row) with any n >= 1, read at ``world % n``."""
 
     dtype: Any
@@ -128,64 +128,66 @@ class Field:
 
 
 # The arrays that a source keeps up to date. Meanings and units are those of the fields in kernels/types.py.
-FIELDS: Mapping[str, Field] = {
-    "shape_positions": Field(wp.vec3, "shapes", every_world=True),
-    "shape_rotations": Field(wp.mat33, "shapes", every_world=True),
-    "shape_sizes": Field(wp.vec3, "shapes"),
-    "shape_assets": Field(wp.int32, "shapes"),
-    "shape_materials": Field(wp.int32, "shapes"),
-    "shape_colors": Field(wp.vec4, "shapes"),
-    "material_color": Field(wp.vec4, "materials"),
-    "material_emission": Field(wp.float32, "materials"),
-    "material_specular": Field(wp.float32, "materials"),
-    "material_shininess": Field(wp.float32, "materials"),
-    "material_texture": Field(wp.int32, "materials", more=(2,)),
-    "material_texture_repeat": Field(wp.vec2, "materials"),
-    "material_texture_uniform": Field(wp.bool, "materials"),
-    "light_types": Field(wp.int32, "lights"),
-    "light_active": Field(wp.bool, "lights"),
-    "light_casts_shadow": Field(wp.bool, "lights"),
-    "light_positions": Field(wp.vec3, "lights", every_world=True),
-    "light_directions": Field(wp.vec3, "lights", every_world=True),
-    "light_attenuation": Field(wp.vec3, "lights"),
-    "light_cutoff": Field(wp.float32, "lights"),
-    "light_exponent": Field(wp.float32, "lights"),
-    "light_ambient": Field(wp.vec3, "lights"),
-    "light_diffuse": Field(wp.vec3, "lights"),
-    "light_specular": Field(wp.vec3, "lights"),
-    "body_positions": Field(wp.vec3, "bodies", every_world=True),
-    "body_rotations": Field(wp.mat33, "bodies", every_world=True),
-    "camera_positions": Field(wp.vec3, "cameras", every_world=True),
-    "camera_rotations": Field(wp.mat33, "cameras", every_world=True),
-    "camera_fovy": Field(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
-    "camera_intrinsics": Field(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
+LIVE_ARRAYS: Mapping[str, LiveArray] = {
+    "shape_positions": LiveArray(wp.vec3, "shapes", every_world=True),
+    "shape_rotations": LiveArray(wp.mat33, "shapes", every_world=True),
+    "shape_sizes": LiveArray(wp.vec3, "shapes"),
+    "shape_assets": LiveArray(wp.int32, "shapes"),
+    "shape_materials": LiveArray(wp.int32, "shapes"),
+    "shape_colors": LiveArray(wp.vec4, "shapes"),
+    "material_color": LiveArray(wp.vec4, "materials"),
+    "material_emission": LiveArray(wp.float32, "materials"),
+    "material_specular": LiveArray(wp.float32, "materials"),
+    "material_shininess": LiveArray(wp.float32, "materials"),
+    "material_texture": LiveArray(wp.int32, "materials", more=(2,)),
+    "material_texture_repeat": LiveArray(wp.vec2, "materials"),
+    "material_texture_uniform": LiveArray(wp.bool, "materials"),
+    "light_types": LiveArray(wp.int32, "lights"),
+    "light_active": LiveArray(wp.bool, "lights"),
+    "light_casts_shadow": LiveArray(wp.bool, "lights"),
+    "light_positions": LiveArray(wp.vec3, "lights", every_world=True),
+    "light_directions": LiveArray(wp.vec3, "lights", every_world=True),
+    "light_attenuation": LiveArray(wp.vec3, "lights"),
+    "light_cutoff": LiveArray(wp.float32, "lights"),
+    "light_exponent": LiveArray(wp.float32, "lights"),
+    "light_ambient": LiveArray(wp.vec3, "lights"),
+    "light_diffuse": LiveArray(wp.vec3, "lights"),
+    "light_specular": LiveArray(wp.vec3, "lights"),
+    "body_positions": LiveArray(wp.vec3, "bodies", every_world=True),
+    "body_rotations": LiveArray(wp.mat33, "bodies", every_world=True),
+    "camera_positions": LiveArray(wp.vec3, "cameras", every_world=True),
+    "camera_rotations": LiveArray(wp.mat33, "cameras", every_world=True),
+    "camera_fovy": LiveArray(wp.float32, "cameras"),  # [degrees]; orthographic: vertical extent [m]
+    "camera_intrinsics": LiveArray(wp.vec4, "cameras"),  # focal lengths, principal point off the centre [sensor's unit]
 }
 
 # Those that physically based scenes have beside: of Physical in kernels/types.py.
-PHYSICAL_FIELDS: Mapping[str, Field] = {
-    "material_roughness": Field(wp.float32, "materials"),
-    "material_metallic": Field(wp.float32, "materials"),
-    "material_reflectance": Field(wp.float32, "materials"),
-    "material_emissive": Field(wp.vec3, "materials"),
-    "light_forms": Field(wp.int32, "lights"),
-    "light_sizes": Field(wp.vec3, "lights"),
-    "light_rotations": Field(wp.mat33, "lights", every_world=True),
-    "sky": Field(wp.vec3, "terms of the sky"),
+PBR_LIVE_ARRAYS: Mapping[str, LiveArray] = {
+    "material_roughness": LiveArray(wp.float32, "materials"),
+    "material_metallic": LiveArray(wp.float32, "materials"),
+    "material_reflectance": LiveArray(wp.float32, "materials"),
+    "material_emissive": LiveArray(wp.vec3, "materials"),
+    "light_forms": LiveArray(wp.int32, "lights"),
+    "light_sizes": LiveArray(wp.vec3, "lights"),
+    "light_rotations": LiveArray(wp.mat33, "lights", every_world=True),
+    "sky": LiveArray(wp.vec3, "terms of the sky"),
 }
 
 
-def fields_of(parts: Parts) -> Mapping[str, Field]:
+def live_arrays_of(parts: SceneDescription) -> Mapping[str, LiveArray]:
     """The arrays that a source of such parts has."""
     if not parts.physical:
-        return FIELDS
-    texture = replace(FIELDS["material_texture"], more=(NUM_ROLES,)) if parts.maps else FIELDS["material_texture"]
-    return {**FIELDS, **PHYSICAL_FIELDS, "material_texture": texture}
+        return LIVE_ARRAYS
+    texture = (
+        replace(LIVE_ARRAYS["material_texture"], more=(NUM_ROLES,)) if parts.maps else LIVE_ARRAYS["material_texture"]
+    )
+    return {**LIVE_ARRAYS, **PBR_LIVE_ARRAYS, "material_texture": texture}
 
 
-class Blends(Protocol):
+class ColorBlend(Protocol):
     """What blends colours of shapes in the stages of a source."""
 
-    def unblended(self, colors: np.ndarray) -> np.ndarray:
+    def without_blend(self, colors: np.ndarray) -> np.ndarray:
         """Those of the source, (world*, shape, 4), without that."""
 
     def blend(self, painted: wp.array) -> tuple[Stage, ...]:
@@ -196,20 +198,20 @@ class Source(Protocol):
     """What reads one simulator."""
 
     device: wp.Device
-    parts: Parts
+    parts: SceneDescription
     live_on_device: bool  # False: refresh() copies from the host
 
     @property
-    def blends(self) -> Blends | None:
+    def color_blend(self) -> ColorBlend | None:
         """None where colours are as they are held."""
 
     def arrays(self) -> Mapping[str, wp.array]:
-        """The live arrays by the names in ``FIELDS``, and "headlight", (3,) vec3: as they are now."""
+        """The live arrays by the names in ``LIVE_ARRAYS``, and "headlight", (3,) vec3: as they are now."""
 
-    def holds(self, field: str) -> bool:
+    def user_owned(self, field: str) -> bool:
         """Whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
 
-    def label(self, field: str) -> str:
+    def user_name(self, field: str) -> str:
         """What the user calls an array, for error messages."""
 
     def global_ambient(self) -> float:

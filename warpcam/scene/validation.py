@@ -9,7 +9,7 @@ import warp as wp
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, NUM_TYPES, SPLATS
-from warpcam.scene.source import Field, Parts
+from warpcam.scene.source import LiveArray, SceneDescription
 
 
 def check_num_worlds(num_worlds: Any) -> None:
@@ -39,7 +39,7 @@ def check_semantics(labels: Any) -> dict[str, int]:
     return {name: int(number) for name, number in labels.items()}
 
 
-def check_parts(parts: Parts, counts: Mapping[str, int]) -> None:
+def check_description(parts: SceneDescription, counts: Mapping[str, int]) -> None:
     """Numbers of worlds and rows, types of shapes, the skybox.
 
     Args:
@@ -62,7 +62,7 @@ def check_parts(parts: Parts, counts: Mapping[str, int]) -> None:
         )
 
 
-def check_array(label: str, field: Field, array: Any, rows: int, num_worlds: int, device: wp.Device) -> None:
+def check_array(label: str, field: LiveArray, array: Any, rows: int, num_worlds: int, device: wp.Device) -> None:
     """One live array: its type, shape and device; ``label`` is what the user calls it."""
     if not isinstance(array, wp.array):
         raise WarpcamError(f"{label}: a Warp array is needed, got {type(array).__name__}")
@@ -85,7 +85,7 @@ def check_array(label: str, field: Field, array: Any, rows: int, num_worlds: int
 
 
 def check_indices(
-    arrays: Mapping[str, wp.array], parts: Parts, seen: Sequence[int], label: Callable[[str], str]
+    arrays: Mapping[str, wp.array], parts: SceneDescription, seen: Sequence[int], label: Callable[[str], str]
 ) -> None:
     """Indices as they are when the scene is made; one written later is the user's own responsibility.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
-from warpcam.scene.layers import choice_of
+from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
 from warpcam.sources.common.optional import import_source
@@ -39,7 +39,7 @@ def load(
     if up_axis not in ("Z", None):
         raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
     check_unit(meters_per_unit)
-    choice_of("transparency", transparency)
+    check_tristate("transparency", transparency)
     if kind in USD:
         stage: Scene = import_source("usd.source", "usd").load(
             file,

@@ -34,7 +34,7 @@ _FROM_FACE = np.array(
 )
 
 
-def pack_sheets(
+def pack_mip_atlases(
     images: Sequence[TextureImage], textures: Textures, device: wp.Device, floors: bool = False
 ) -> list[wp.Texture2D]:
     """Put images on sheets and write these into ``textures``.
@@ -63,14 +63,14 @@ def pack_sheets(
             left -= size
             count = faces * sum(w * h for w, h in level_sizes(width, height))
             texels = textures.texels[int(starts[index]) : int(starts[index]) + count].numpy()
-            sheet = sheet_of(texels, width, height) if faces == 1 else cube_sheet_of(texels, width)
+            sheet = mip_atlas_of(texels, width, height) if faces == 1 else cube_mip_atlas_of(texels, width)
             sheets.append(wp.Texture2D(sheet, normalized_coords=False, device=device))
             places[index] = sheets[-1].id
     textures.sheets = wp.array(places, dtype=wp.uint64, device=device)
     return sheets
 
 
-def sheet_of(texels: npt.NDArray[np.uint32], width: int, height: int) -> Bytes:
+def mip_atlas_of(texels: npt.NDArray[np.uint32], width: int, height: int) -> Bytes:
     """An image and its mipmaps, as ``Textures.texels`` has them, on one sheet: (row, column, 4).
 
     Level 0 stands on the left, the others below each other beside it. Each has a border of one texel, which repeats
@@ -88,7 +88,7 @@ def sheet_of(texels: npt.NDArray[np.uint32], width: int, height: int) -> Bytes:
     return sheet
 
 
-def cube_sheet_of(texels: npt.NDArray[np.uint32], size: int) -> Bytes:
+def cube_mip_atlas_of(texels: npt.NDArray[np.uint32], size: int) -> Bytes:
     """A cube and its mipmaps, as ``Textures.texels`` has them, on one sheet: (row, column, 4).
 
     A level's six faces stand in a row, the levels below each other. Each has a border of one texel: those of the faces

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from warpcam.accel.lru_cache import Kept, key_of
+from warpcam.accel.lru_cache import LruCache, key_of
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, Textures
 
 MAX_TEXELS = 2**31 - 1
-KEPT = 2**27  # bytes of images with their mipmaps, for the next scene that has them, too
+CACHE_BYTES = 2**27  # bytes of images with their mipmaps, for the next scene that has them, too
 
 Bytes = npt.NDArray[np.uint8]
 
@@ -40,7 +40,7 @@ class TextureImage:
 
 Chain = list[npt.NDArray[np.uint32]]
 
-_kept: Kept[Chain] = Kept(KEPT, lambda chain: sum(level.nbytes for level in chain))
+_cache: LruCache[Chain] = LruCache(CACHE_BYTES, lambda chain: sum(level.nbytes for level in chain))
 
 
 def pack_textures(images: Sequence[TextureImage], device: wp.DeviceLike = None) -> Textures:
@@ -140,7 +140,7 @@ def _chain(pixels: Bytes, srgb: bool, levels: int, blend_light: bool) -> Chain:
             chain.append(np.ascontiguousarray(image).view("<u4").reshape(len(image), -1))
         return chain
 
-    return _kept.get(key_of(pixels, srgb, levels, blend_light), build)
+    return _cache.get(key_of(pixels, srgb, levels, blend_light), build)
 
 
 def halved(image: Bytes) -> Bytes:

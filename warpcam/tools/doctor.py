@@ -19,7 +19,7 @@ from rich.text import Text
 
 from warpcam.accel.bvh4 import cache_folder
 from warpcam.core import device as device_rule
-from warpcam.kernels.runtime.launch import cpu_threads, whole_above_zero
+from warpcam.kernels.runtime.launch import cpu_threads, parse_positive_int
 from warpcam.tools import self_test
 
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")
@@ -285,7 +285,9 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
     remarks += [
         f"{each.name}={each.value!r} is no whole number above 0, and counts for nothing"
         for each in environment
-        if each.name == "WARPCAM_CPU_THREADS" and (each.value or "").strip() and not whole_above_zero(each.value or "")
+        if each.name == "WARPCAM_CPU_THREADS"
+        and (each.value or "").strip()
+        and not parse_positive_int(each.value or "")
     ]
     if why := _why_no_trees():
         remarks.append(

@@ -13,9 +13,9 @@ from warpcam.kernels.types import BOX, SPHERE
 from warpcam.render.renderer import Renderer
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.sources.common import tessellate
-from warpcam.sources.common.geometry import Form, Solid, Surface
-from warpcam.sources.common.scene_graph import Graph, Item, Lamp, Look, Node
-from warpcam.sources.common.scene_graph_source import GraphSource
+from warpcam.sources.common.geometry import Geometry, MeshGeometry, Primitive
+from warpcam.sources.common.scene_graph import FrameNode, LightNode, Material, SceneGraph, ShapeInstance
+from warpcam.sources.common.scene_graph_source import SceneGraphSource
 
 SIZE, WORLDS, FRAMES = 48, 4, 5
 OUTPUTS = ("rgb", "depth", "segmentation")
@@ -32,7 +32,7 @@ COLOR = 3  # of 255, in all but as many pixels where ids agree
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class RenderedFrame:
     """What a device made of the scene.
 
     Attributes:
@@ -46,7 +46,7 @@ class Shot:
     frame: float
 
 
-def shoot(device: wp.Device) -> Shot:
+def shoot(device: wp.Device) -> RenderedFrame:
     """Render the scene there."""
     start = time.perf_counter()
     camera = Camera(
@@ -58,14 +58,14 @@ def shoot(device: wp.Device) -> Shot:
         position=tuple(EYE),
         shadows=True,
     )
-    renderer = Renderer(DrivenScene(GraphSource(_graph(), WORLDS, device)), [camera])
+    renderer = Renderer(DrivenScene(SceneGraphSource(_graph(), WORLDS, device)), [camera])
     times = []
     for _ in range(1 + FRAMES):
         renderer.render()
         wp.synchronize_device(device)
         times.append(time.perf_counter())
     images = {name: image.cpu().numpy().copy() for name, image in renderer.images["eye"].items()}
-    return Shot(images, times[0] - start, float(np.diff(times).min()))
+    return RenderedFrame(images, times[0] - start, float(np.diff(times).min()))
 
 
 def fault(images: dict[str, np.ndarray]) -> str | None:
@@ -108,21 +108,25 @@ def difference(images: dict[str, np.ndarray], judge: dict[str, np.ndarray]) -> t
     return share, None
 
 
-def _graph() -> Graph:
+def _graph() -> SceneGraph:
     """A wall, a ball and a block in the light of a sun."""
     turn = np.eye(4)
     turn[:2, :2] = (0.8, -0.6), (0.6, 0.8)
     turn[:3, 3] = BLOCK_AT
-    nodes = [Node("/", -1, np.eye(4)), Node("/wall", 0, _at((0.0, 0.0, -0.5))), Node("/ball", 0, _at(CENTER))]
-    nodes += [Node("/block", 0, turn), Node("/sun", 0, _tilted())]
-    wall, ball = Solid("wall", BOX, (9.0, 9.0, 0.5)), Solid("ball", SPHERE, (RADIUS,))
-    forms: list[Form] = [wall, ball, Surface("block", *tessellate.box(np.full(3, HALF)))]
-    return Graph(
+    nodes = [
+        FrameNode("/", -1, np.eye(4)),
+        FrameNode("/wall", 0, _at((0.0, 0.0, -0.5))),
+        FrameNode("/ball", 0, _at(CENTER)),
+    ]
+    nodes += [FrameNode("/block", 0, turn), FrameNode("/sun", 0, _tilted())]
+    wall, ball = Primitive("wall", BOX, (9.0, 9.0, 0.5)), Primitive("ball", SPHERE, (RADIUS,))
+    forms: list[Geometry] = [wall, ball, MeshGeometry("block", *tessellate.box(np.full(3, HALF)))]
+    return SceneGraph(
         "self test",
         nodes,
-        [Item(nodes[1 + i].name, 1 + i, form, i) for i, form in enumerate(forms)],
-        [Look("wall", (0.6, 0.6, 0.6)), Look("ball", (0.8, 0.1, 0.1)), Look("block", (0.1, 0.3, 0.8))],
-        lamps=[Lamp("/sun", 4, "distant", (2.0, 2.0, 2.0))],
+        [ShapeInstance(nodes[1 + i].name, 1 + i, form, i) for i, form in enumerate(forms)],
+        [Material("wall", (0.6, 0.6, 0.6)), Material("ball", (0.8, 0.1, 0.1)), Material("block", (0.1, 0.3, 0.8))],
+        lights=[LightNode("/sun", 4, "distant", (2.0, 2.0, 2.0))],
     )
 
 

@@ -13,8 +13,8 @@ import warpcam as wc
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
 from isaacgym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
-from warpcam.compat.isaacgym import gymapi, gymtorch
-from warpcam.compat.isaacgym.physics import model_writes as settings  # noqa: E402
+from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
+from warpcam.compat.isaacgym.physics import model_writes  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 CRANE = """
@@ -333,8 +333,8 @@ def test_drives_of_many_actors_are_written_at_once(
     sim = cranes(device, tmp_path, 3)
     GYM.prepare_sim(sim)
     masses, written = wrapped(GYM.acquire_mass_matrix_tensor(sim, "crane")), []
-    before, write = masses.clone(), settings.write_drives
-    monkeypatch.setattr(settings, "write_drives", lambda *given: written.append(1) or write(*given))
+    before, write = masses.clone(), model_writes.write_drives
+    monkeypatch.setattr(model_writes, "write_drives", lambda *given: written.append(1) or write(*given))
     for index in range(3):
         drives = GYM.get_actor_dof_properties(GYM.get_env(sim, index), 1)
         drives["armature"][2] += 0.5 + index

@@ -147,7 +147,7 @@ def test_two_cameras_of_an_environment_and_lenses_that_differ(device: wp.Device)
             GYM.set_camera_location(camera, env, gymapi.Vec3(-back, 0, 0), gymapi.Vec3(1, 0, 0))
             images.append(tensors_of(sim, env, camera, (DEPTH,))[DEPTH])
     GYM.render_all_camera_sensors(sim)
-    assert [view.scene.num_worlds for view in sim.studio._views.values()] == [2]
+    assert [view.scene.num_worlds for view in sim.camera_batches._views.values()] == [2]
     depths = [image.cpu().numpy() for image in images]
     np.testing.assert_allclose(depths[0], -2.0, rtol=1e-5)
     np.testing.assert_allclose(depths[1], -3.0, rtol=1e-5)
@@ -171,7 +171,7 @@ def test_a_tensor_asked_for_late_is_written_too(device: wp.Device) -> None:
 def test_memory_is_flat_over_cameras_that_come_and_go(device: wp.Device) -> None:
     world = walls(device, 2)
     world.render()
-    studio = world.sim.studio
+    studio = world.sim.camera_batches
     kept = (len(studio._shots), len(studio._albums), len(studio._views), len(studio._batches))
     for _ in range(3):
         extra = GYM.create_camera_sensor(world.envs[1], props(width=16, height=16))

@@ -20,7 +20,7 @@ from isaacgym_worlds import GYM, at, new_sim
 from warpcam.compat import isaacgym as package
 from warpcam.compat.isaacgym import gymapi, gymutil, terrain_utils, torch_utils
 from warpcam.compat.isaacgym.api.math_types import matrix_of
-from warpcam.compat.isaacgym.terrain import heightfield_from_mesh as lattice
+from warpcam.compat.isaacgym.terrain import heightfield_from_mesh
 
 RNG = np.random.default_rng(4)
 TURNS, OTHERS = Rotation.random(6, rng=RNG), Rotation.random(6, rng=RNG)
@@ -279,7 +279,7 @@ def test_triangles_of_samples_are_found_again_as_heights() -> None:
         a, b, c = (vertices[triangles[:, corner], :2] for corner in range(3))
         area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
         assert (area > -1e-6).all()  # they look up
-        found = lattice.heights_of(vertices, triangles.astype(np.int64))
+        found = heightfield_from_mesh.heights_of(vertices, triangles.astype(np.int64))
         assert found is not None
         np.testing.assert_allclose(found[0] / 0.005, samples, atol=1e-2)
         walls = (area < 1e-6).sum()

@@ -18,7 +18,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux  # noqa: E402
 
 from warpcam.compat.isaaclab import WarpcamRenderer, WarpcamRendererCfg, simple_shading  # noqa: E402
 from warpcam.compat.isaaclab import renderer as module  # noqa: E402
-from warpcam.compat.isaaclab.tonemap import record_toned  # noqa: E402
+from warpcam.compat.isaaclab.tonemap import bind_tonemap  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Isaac Lab's and Newton's own
 
@@ -219,7 +219,7 @@ def test_the_curve(device: wp.Device) -> None:
     light = np.concatenate([[0.0, -1.0, 1e9, np.nan], np.geomspace(1e-4, 20.0, 38)]).astype(np.float32)
     image = wp.array(light.reshape(1, 7, 2, 3), dtype=wp.float32, device=device)
     out = wp.zeros(image.shape, dtype=wp.uint8, device=device)
-    record_toned(image, out, wp.get_device(device)).launch()
+    bind_tonemap(image, out, wp.get_device(device)).launch()
     bright = np.nan_to_num(np.maximum(light, 0.0)).astype(np.float64)
     bent = np.minimum(bright * (2.51 * bright + 0.03) / (bright * (2.43 * bright + 0.59) + 0.14), 1.0)
     expected = 255.0 * np.where(bent <= 0.0031308, 12.92 * bent, 1.055 * bent ** (1 / 2.4) - 0.055)

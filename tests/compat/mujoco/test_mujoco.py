@@ -149,7 +149,7 @@ def test_a_floor_is_seen_through_from_below(device: wp.Device, monkeypatch: pyte
         renderer.update_scene(data, camera)
         expected = theirs.render()
         assert psnr(expected, renderer.render()) > 30.0
-        monkeypatch.setattr(frame_renderer.Studio, "_sees_backs", lambda *_: False)
+        monkeypatch.setattr(frame_renderer.FrameRenderer, "_sees_backs", lambda *_: False)
         assert psnr(expected, renderer.render()) < 25.0
         monkeypatch.undo()
         renderer.update_scene(data, "fixed")
@@ -388,9 +388,9 @@ def test_ways_to_look_are_let_go(device: wp.Device) -> None:
     model, data = made()
     with ours(model, device) as renderer:
         renderer.enable_depth_rendering()
-        for group in range(2 * frame_renderer.MAX_KEPT):
+        for group in range(2 * frame_renderer.MAX_CACHED):
             model.geom_group[0] = group % 6
             model.site_size[0, 0] = 0.01 + group / 100
             renderer.update_scene(data)
             renderer.render()
-        assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == frame_renderer.MAX_KEPT
+        assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == frame_renderer.MAX_CACHED

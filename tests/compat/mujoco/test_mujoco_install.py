@@ -33,7 +33,7 @@ def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pyte
     own, chosen = mujoco.Renderer, []
     model, data = made()
     monkeypatch.setattr(
-        front, "Studio", lambda model, device: chosen.append(device) or frame_renderer.Studio(model, device)
+        front, "Studio", lambda model, device: chosen.append(device) or frame_renderer.FrameRenderer(model, device)
     )
     front.install(device)
     try:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warpcam.compat.mujoco.frame_renderer import Studio, Style, View
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer, GlCamera, Style
 
 WORLD = """
 <mujoco><worldbody>
@@ -13,7 +13,9 @@ WORLD = """
   <geom type="box" size="3 .05 3" pos="0 -1.5 0" rgba="1 1 1 .3"/>
 </worldbody></mujoco>
 """
-VIEW = View(np.array((0.0, -4.0, 0.0)), np.array((0.5**0.5, 0.5**0.5, 0, 0)), -0.01, 0.01, -0.01, 0.01, 0.02, 50, False)
+VIEW = GlCamera(
+    np.array((0.0, -4.0, 0.0)), np.array((0.5**0.5, 0.5**0.5, 0, 0)), -0.01, 0.01, -0.01, 0.01, 0.02, 50, False
+)
 
 
 @pytest.mark.parametrize("kind", ["geom", "site"])
@@ -21,7 +23,7 @@ def test_types_are_followed_behind_glass(device: wp.Device, kind: str) -> None:
     model = mujoco.MjModel.from_xml_string(WORLD.format(kind=kind))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    studio, depths = Studio(model, device), []
+    studio, depths = FrameRenderer(model, device), []
     for shape in (mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE):
         getattr(model, f"{kind}_type")[0] = int(shape)
         studio.take(data)

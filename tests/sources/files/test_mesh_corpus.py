@@ -13,18 +13,18 @@ import warp as wp
 from views import compare
 
 import warpcam as wc
-from warpcam.sources import load_file as files
+from warpcam.sources import load_file
 
 trimesh = pytest.importorskip("trimesh")
-from warpcam.sources.common import geometry as forms
+from warpcam.sources.common import geometry  # noqa: E402
 from warpcam.sources.files import mesh_file  # noqa: E402, trimesh may be missing
 
 FOLDER = Path(os.environ.get("WARPCAM_MESH_FILES", "/usr/share/assimp/models"))
-PATHS = sorted(path for path in FOLDER.rglob("*") if path.suffix.lower() in files.MESHES)
+PATHS = sorted(path for path in FOLDER.rglob("*") if path.suffix.lower() in load_file.MESHES)
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1.0)))
 
 
-class BothSides(forms.Surface):
+class BothSides(geometry.MeshGeometry):
     """Seen from behind, too, as Embree sees all."""
 
     def __init__(self, *arguments: Any):
@@ -34,7 +34,7 @@ class BothSides(forms.Surface):
 @pytest.mark.filterwarnings("ignore")  # trimesh's own
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: str(path.relative_to(FOLDER)))
 def test_depth_is_embrees(path: Path, device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mesh_file, "Surface", BothSides)
+    monkeypatch.setattr(mesh_file, "MeshGeometry", BothSides)
     try:
         scene = wc.load(path, device=device)
     except wc.WarpcamError as error:

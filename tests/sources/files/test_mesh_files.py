@@ -103,7 +103,7 @@ def test_factors_are_linear_and_sides_are_told(tmp_path: Path, device: wp.Device
     square(color=(128, 0, 255, 255), metallicFactor=0.25, roughnessFactor=0.75).export(tmp_path / "it.glb")
     scene = wc.load(tmp_path / "it.glb", device=device)
     assert np.abs(seen(scene)[8, 8].astype(int) - (188, 0, 255)).max() <= 1
-    (look,) = scene._graph_source.graph.looks
+    (look,) = scene._graph_source.graph.materials
     assert (look.metallic, look.roughness) == (0.25, 0.75)
     assert len(scene._parts.meshes[0].faces) == 2
     square(doubleSided=True).export(tmp_path / "it.glb")

@@ -17,10 +17,10 @@ import splat_scenes  # noqa: E402, newton may be missing
 from pxr import Gf, Usd, UsdGeom, UsdVol, Vt  # noqa: E402
 from splat_scenes import Placed, eye, nothing, random_gaussians, reference  # noqa: E402
 
-from warpcam.sources.common.gaussian_cloud import LEAST_RESPONSE  # noqa: E402
+from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
-CLOUD = random_gaussians(120, seed=11, least=LEAST_RESPONSE, size=0.2)
+CLOUD = random_gaussians(120, seed=11, least=MIN_RESPONSE, size=0.2)
 CAMERA = eye(outputs=("hdr", "rgb", "depth", "segmentation", "normals", "instances"))
 
 
@@ -105,7 +105,7 @@ def test_a_shear_is_baked(device: wp.Device) -> None:
         sizes,
         CLOUD.opacities,
         CLOUD.sh_coeffs,
-        min_response=LEAST_RESPONSE,
+        min_response=MIN_RESPONSE,
     )
     check(seen, reference([Placed(baked)], CAMERA, nothing(CAMERA)))
 

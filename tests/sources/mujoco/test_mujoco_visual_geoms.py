@@ -9,10 +9,10 @@ import visual_geom_scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.sources.mujoco import visual_geoms as extras
+from warpcam.sources.mujoco import visual_geoms
 from warpcam.sources.mujoco.model import VERSION
 
-WRAPPED = VERSION >= extras.WRAPPED
+WRAPPED = VERSION >= visual_geoms.WRAPPED
 ENDS = 40  # pixels: the ends of a line are closed, which MuJoCo leaves open
 
 FROM_THE_FRONT = {"position": (0.0, -3.0, 0.0), "rotation": (0.7071, 0.7071, 0.0, 0.0)}
@@ -125,7 +125,7 @@ def test_limits_go_on_to_colour_where_colours_are_varied(device: wp.Device, sour
     mjm = looked_at("held", 0)[0]
     first = mjm.ngeom + mjm.nsite
     own = np.flatnonzero(scene._parts.shape_ids[0] == first).tolist()
-    assert (colors[:, own] == colors.new_tensor(extras.DEFAULT_COLOR)).all()
+    assert (colors[:, own] == colors.new_tensor(visual_geoms.DEFAULT_COLOR)).all()
     after = scenes.on_host(renderer.render()["eye"])
     assert (after["albedo"] == before["albedo"]).all()
     colors[1, own] = colors.new_tensor((0.0, 0.0, 1.0, 1.0))

@@ -255,7 +255,7 @@ def test_swapping_states_builds_and_allocates_nothing(device: wp.Device, monkeyp
     from warpcam.kernels.runtime import launch
     from warpcam.kernels.update import refit
 
-    count(refit.Tree, "__init__", "trees")
+    count(refit.DeformingTree, "__init__", "trees")
     count(launch.Stage, "bind", "bound")
     for name in ("empty", "zeros", "full", "clone"):
         count(wp, name, "arrays")

@@ -6,7 +6,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.scene.source import FIELDS
+from warpcam.scene.source import LIVE_ARRAYS
 
 pytest.importorskip("pxr.Usd")
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
@@ -139,7 +139,7 @@ def test_four_thousand_variations_share_their_mesh(stage: Usd.Stage, device: wp.
     np.testing.assert_array_equal(sides[:, 1], np.where(painted[:, None], (0, 255, 0), 255))
     for part, name in (("_meshes", "faces"), ("_meshes", "nodes"), ("_meshes", "uvs"), ("_textures", "texels")):
         assert getattr(getattr(many, part), name).shape == getattr(getattr(one, part), name).shape
-    own = sum(many.array(name).capacity for name in FIELDS)
+    own = sum(many.array(name).capacity for name in LIVE_ARRAYS)
     assert own < count * 2 * 200  # bytes: what a shape, a body and a material have of their own
 
 

@@ -140,7 +140,7 @@ def test_a_missing_map_has_the_fallback_of_its_channel(stage: Usd.Stage, device:
     surface, texture = textured_square(stage, "gone.png", fallback=(0.1, 0.7, 0.3, 1.0))
     surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "g")
     surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).ConnectToSource(texture.ConnectableAPI(), "b")
-    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.looks
+    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.materials
     assert (look.roughness, look.metallic) == pytest.approx((0.7, 0.3))
 
 
@@ -200,7 +200,7 @@ def test_opacity_of_nothing_is_left_out(stage: Usd.Stage, device: wp.Device) -> 
 def test_materials_keep_what_the_kernels_lack(stage: Usd.Stage, device: wp.Device) -> None:
     add_material(stage, "/Looks/m", diffuseColor=(0.5, 0.5, 0.5), roughness=0.25, metallic=1.0, opacity=0.8)
     bind(add_square(stage, "/it"), stage, "/Looks/m")
-    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.looks
+    (look,) = wc.from_usd(stage, device=device)._graph_source.graph.materials
     assert (look.roughness, look.metallic, look.opacity) == (0.25, 1.0, pytest.approx(0.8))
 
 

@@ -30,7 +30,7 @@ def omni_look(stage: Usd.Stage, device: wp.Device, **inputs: Any) -> tuple[wc.Sc
     material.GetSurfaceOutput().ClearSources()
     material.CreateSurfaceOutput("mdl").ConnectToSource(shader.ConnectableAPI(), "out")
     scene = wc.from_usd(stage, device=device)
-    return scene, scene._graph_source.graph.looks[0]
+    return scene, scene._graph_source.graph.materials[0]
 
 
 def test_omnipbr_packs_occlusion_roughness_and_metalness(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:

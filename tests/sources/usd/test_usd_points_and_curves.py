@@ -12,7 +12,7 @@ pytest.importorskip("pxr.Usd")
 from pxr import Usd, UsdGeom
 from usd_stages import above, image
 
-from warpcam.sources.usd.points_and_curves import BASES, Line, icosphere, tube
+from warpcam.sources.usd.points_and_curves import BASES, Curve, icosphere, tube
 
 
 def set_values(prim: Any, how: str, **arrays: Any) -> None:
@@ -92,7 +92,7 @@ def test_widths_along_a_curve(stage: Usd.Stage, device: wp.Device) -> None:
 def test_curves_run_as_usd_says(basis: str, wrap: str) -> None:
     """Where they start, and with what tangent: from the definitions of the bases."""
     points = np.random.default_rng(0).normal(size=(9 if wrap == "periodic" else 10, 3))
-    path = Line(len(points), basis, wrap).at(points, 64)
+    path = Curve(len(points), basis, wrap).at(points, 64)
     first = {"bezier": points[0], "bspline": (points[0] + 4 * points[1] + points[2]) / 6, "catmullRom": points[1]}
     last = {"bezier": points[-1], "bspline": (points[-3] + 4 * points[-2] + points[-1]) / 6, "catmullRom": points[-2]}
     if wrap == "periodic":

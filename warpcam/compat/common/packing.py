@@ -4,7 +4,7 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, native_module, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
 
 wp.set_module_options(native_module("output/pack.h"))
 
@@ -75,7 +75,7 @@ def pack_objects(
     name_run(image, objects, offset, out, first + wp.tid())
 
 
-def record_color(
+def bind_color(
     image: wp.array, order: tuple[int, int], out: wp.array, offset: int, device: wp.Device, miss_alpha: int = OPAQUE
 ) -> Stage:
     """Bind the stage that writes a colour image as one number a pixel.
@@ -89,15 +89,15 @@ def record_color(
         miss_alpha: The highest byte where nothing was hit, for an image with alpha.
     """
     flat = image.reshape((image.shape[0], -1, image.shape[3]))
-    return _record(pack_color, flat, [*order, miss_alpha, offset, out], device)
+    return _bind(pack_color, flat, [*order, miss_alpha, offset, out], device)
 
 
-def record_values(image: wp.array, out: wp.array, offset: int, device: wp.Device) -> Stage:
+def bind_values(image: wp.array, out: wp.array, offset: int, device: wp.Device) -> Stage:
     """Bind the stage that copies float32 (world, height, width, 1) into rows of ``out``, (world, pixel)."""
-    return _record(pack_values, image.reshape((image.shape[0], -1)), [offset, out], device)
+    return _bind(pack_values, image.reshape((image.shape[0], -1)), [offset, out], device)
 
 
-def record_objects(image: wp.array, objects: wp.array, out: wp.array, offset: int, device: wp.Device) -> Stage:
+def bind_objects(image: wp.array, objects: wp.array, out: wp.array, offset: int, device: wp.Device) -> Stage:
     """Bind the stage that writes what each id stands for.
 
     Args:
@@ -107,11 +107,11 @@ def record_objects(image: wp.array, objects: wp.array, out: wp.array, offset: in
         offset: Of the camera in each row of ``out`` [pixels].
         device: Where all of these lie.
     """
-    return _record(pack_objects, image.reshape((image.shape[0], -1)), [objects, offset, out], device)
+    return _bind(pack_objects, image.reshape((image.shape[0], -1)), [objects, offset, out], device)
 
 
-def _record(kernel: wp.Kernel, flat: wp.array, inputs: list[Any], device: wp.Device) -> Stage:
-    return record(kernel, flat.shape[0] * -(-flat.shape[1] // RUN), [flat, *inputs], device)
+def _bind(kernel: wp.Kernel, flat: wp.array, inputs: list[Any], device: wp.Device) -> Stage:
+    return bind_launch(kernel, flat.shape[0] * -(-flat.shape[1] // RUN), [flat, *inputs], device)
 
 
 @wp.kernel(enable_backward=False)
@@ -204,12 +204,12 @@ def place_cameras(
     out_lenses[world] = wp.vec4(matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2])
 
 
-def record_clipped(image: wp.array, beyond: float, out: wp.array, device: wp.Device) -> Stage:
+def bind_clipped(image: wp.array, beyond: float, out: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that copies float32 images (world, height, width, 1), with another number in place of inf."""
-    return _record(clip_values, image.reshape((image.shape[0], -1)), [float(beyond), out], device)
+    return _bind(clip_values, image.reshape((image.shape[0], -1)), [float(beyond), out], device)
 
 
-def record_look_up(image: wp.array, table: wp.array, miss: int, other: int, out: wp.array, device: wp.Device) -> Stage:
+def bind_look_up(image: wp.array, table: wp.array, miss: int, other: int, out: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that writes a number for each id.
 
     Args:
@@ -220,9 +220,9 @@ def record_look_up(image: wp.array, table: wp.array, miss: int, other: int, out:
         out: int32 (world, pixel); written.
         device: Where all of these lie.
     """
-    return _record(look_up, image.reshape((image.shape[0], -1)), [table, miss, other, out], device)
+    return _bind(look_up, image.reshape((image.shape[0], -1)), [table, miss, other, out], device)
 
 
-def record_negated(image: wp.array, out: wp.array, device: wp.Device) -> Stage:
+def bind_negated(image: wp.array, out: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that writes float32 images (world, height, width, n) with other signs."""
-    return _record(negate, image.reshape((image.shape[0], -1)), [out], device)
+    return _bind(negate, image.reshape((image.shape[0], -1)), [out], device)

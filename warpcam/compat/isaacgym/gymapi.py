@@ -10,7 +10,7 @@ where it is asked for; nothing returns None for an image.
 
 from typing import NoReturn
 
-from warpcam.compat.isaacgym.api.appearance import LookCalls
+from warpcam.compat.isaacgym.api.appearance import AppearanceCalls
 from warpcam.compat.isaacgym.api.cameras import CameraCalls
 from warpcam.compat.isaacgym.api.enums import (
     INVALID_HANDLE,
@@ -65,7 +65,7 @@ from warpcam.compat.isaacgym.api.property_types import (
 )
 from warpcam.compat.isaacgym.api.sim import SimCalls
 from warpcam.compat.isaacgym.api.tensors import Tensor
-from warpcam.compat.isaacgym.api.unsupported import Refusals, why_missing
+from warpcam.compat.isaacgym.api.unsupported import UnsupportedCalls, why_missing
 from warpcam.compat.isaacgym.assets.asset import Asset
 from warpcam.compat.isaacgym.physics.environments import Env
 from warpcam.compat.isaacgym.physics.simulation import Sim
@@ -187,7 +187,7 @@ __all__ = [
 ]  # fmt: skip
 
 
-class Gym(SimCalls, JointCalls, PropertyCalls, ForceCalls, LookCalls, CameraCalls, Refusals):
+class Gym(SimCalls, JointCalls, PropertyCalls, ForceCalls, AppearanceCalls, CameraCalls, UnsupportedCalls):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

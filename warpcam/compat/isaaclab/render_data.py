@@ -12,7 +12,7 @@ import warpcam as wc
 from warpcam.compat.common import packing
 from warpcam.compat.isaaclab import simple_shading
 from warpcam.compat.isaaclab.lenses import lens_of
-from warpcam.compat.isaaclab.tonemap import record_toned
+from warpcam.compat.isaaclab.tonemap import bind_tonemap
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
@@ -194,15 +194,15 @@ class RenderData:
             raise WarpcamError(f"{kind}: a contiguous buffer {shape} is needed, got {tuple(buffer.shape)}")
         pixels = (image.shape[0], image.shape[1] * image.shape[2])
         if kind in ("rgba", "albedo"):
-            return _bound(packing.record_color(image, packing.RGBA, _seen_as(buffer, wp.uint32, pixels), 0, device))
+            return _bound(packing.bind_color(image, packing.RGBA, _seen_as(buffer, wp.uint32, pixels), 0, device))
         if kind in simple_shading.LEVELS:
-            return _bound(record_toned(image, buffer, device))
+            return _bound(bind_tonemap(image, buffer, device))
         if kind == "distance_to_camera":
             beyond = {"max": self._far, "zero": 0.0, "none": np.inf}[self._cfg.depth_clipping_behavior]
-            return _bound(packing.record_clipped(image, beyond, _seen_as(buffer, wp.float32, pixels), device))
+            return _bound(packing.bind_clipped(image, beyond, _seen_as(buffer, wp.float32, pixels), device))
         if kind == "motion_vectors":
             flat = (pixels[0], 2 * pixels[1])
-            return _bound(packing.record_negated(image, _seen_as(buffer, wp.float32, flat), device))
+            return _bound(packing.bind_negated(image, _seen_as(buffer, wp.float32, flat), device))
         if kind == "instance_id_segmentation_fast":
             return _bound(self._shape_ids(image, buffer, pixels))
         if kind in LABELLED:
@@ -222,7 +222,7 @@ class RenderData:
         other = _signed(OPAQUE_BLACK) if colorize else UNLABELLED_ID
         miss = 0 if colorize else BACKGROUND_ID
         out = _seen_as(buffer, wp.int32, shape)
-        return _bound(packing.record_look_up(image, ids.view(wp.int32), miss, other, out, self._scene.device))
+        return _bound(packing.bind_look_up(image, ids.view(wp.int32), miss, other, out, self._scene.device))
 
     def _shape_ids(self, image: wp.array, buffer: wp.array, pixels: tuple[int, int]) -> Stage:
         """A number, or its colour, for each shape, whether it has a label or not."""
@@ -242,11 +242,11 @@ class RenderData:
         table = wp.array(np.asarray(values, np.int64).astype(np.int32), dtype=wp.int32, device=device)
         other = _signed(OPAQUE_BLACK) if colorize else UNLABELLED_ID
         miss = 0 if colorize else BACKGROUND_ID
-        return packing.record_look_up(image, table, miss, other, _seen_as(buffer, wp.int32, pixels), device)
+        return packing.bind_look_up(image, table, miss, other, _seen_as(buffer, wp.int32, pixels), device)
 
 
 def _bound(stage: Stage) -> Callable[[], Any]:
-    stage.bind()
+    stage.prepare()
     return stage.launch
 
 

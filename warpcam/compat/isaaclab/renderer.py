@@ -13,8 +13,8 @@ from warpcam.compat.isaaclab.events import offer_shape_colors
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.streams import context_kept
-from warpcam.sources.newton.options import Choice
+from warpcam.kernels.runtime.streams import preserve_cuda_context
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.sources.newton.source import load
 
 AMBIENT = (0.2, 0.2, 0.2)
@@ -33,7 +33,7 @@ class WarpcamRenderer(BaseRenderer):
         self._stage: Any = None
         self._mapper: Any = None
         self._shaded: dict[str, wc.Scene] = {}
-        self._choice = Choice(lit_normals=True, textures=bool(cfg.enable_textures))
+        self._choice = NewtonOptions(lit_normals=True, textures=bool(cfg.enable_textures))
         offer_shape_colors()
         sim = simulation()
         self._backend_cfg = _backend_cfg(sim)
@@ -48,7 +48,7 @@ class WarpcamRenderer(BaseRenderer):
         self._mapping = self._provider.create_mapping(list(model.body_label))
         lights = None if self.cfg.create_default_light else ()
         ambient = AMBIENT if self.cfg.enable_ambient_lighting else (0.0, 0.0, 0.0)
-        with context_kept():
+        with preserve_cuda_context():
             self.scene = load(model, self._backend.state_0, lights, ambient, None, None, choice=self._choice)
 
     @property
@@ -126,7 +126,7 @@ class WarpcamRenderer(BaseRenderer):
         """The scene with the lights and materials that this data type has; cameras share it."""
         if kind not in self._shaded:
             backend = self._backend
-            with context_kept():
+            with preserve_cuda_context():
                 self._shaded[kind] = simple_shading.shaded_scene(
                     backend.model, backend.state_0, self._stage, kind, self._choice
                 )

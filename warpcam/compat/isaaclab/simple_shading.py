@@ -14,7 +14,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.sources.newton.source import load
 
 Level = Literal["constant", "diffuse", "full"]
@@ -44,7 +44,7 @@ def chosen_from(kinds: Collection[str]) -> str | None:
     return wanted[0] if wanted else None
 
 
-def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: Choice) -> wc.Scene:
+def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: NewtonOptions) -> wc.Scene:
     """The scene as that data type shows it.
 
     Args:
@@ -78,7 +78,7 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
     """The first DistantLight of the stage that is visible, as it is now; none if there is none."""
     from pxr import Usd, UsdGeom
 
-    from warpcam.sources.common.warnings import Notes
+    from warpcam.sources.common.warnings import WarningCollector
     from warpcam.sources.usd.light import read_light
 
     for prim in stage.Traverse():
@@ -87,7 +87,7 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
         if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
             continue
         path, now = str(prim.GetPath()), Usd.TimeCode.Default()
-        lamp = read_light(prim, 0, path, now, 1.0, Notes(path), lambda *_: None, lambda *_: None)
+        lamp = read_light(prim, 0, path, now, 1.0, WarningCollector(path), lambda *_: None, lambda *_: None)
         frame = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(now))
         color = EXPOSURE * np.array(lamp.strength)
         return (wc.Light(direction=-frame[2, :3], color=color, shadows=lamp.casts_shadow),)

@@ -10,16 +10,22 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.compat.mujoco.model_variants import Follower, Opaque, Thinned, has_veils, sees_veils
+from warpcam.compat.mujoco.model_variants import (
+    ModelVariant,
+    WithModelTransparency,
+    WithoutTransparent,
+    has_transparent,
+    sees_transparent,
+)
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 from warpcam.sources.mujoco.host import load
-from warpcam.sources.mujoco.mjv_geoms import Decor, Places, Room
+from warpcam.sources.mujoco.mjv_geoms import MjvCapacity, MjvGeoms, MjvGeomSlots
 from warpcam.sources.mujoco.model import DATA_NAMES, MODEL_NAMES
 from warpcam.sources.mujoco.tendon_limits import UNLIMITED
 
 VIEW = "view"  # the one camera's name
-MAX_KEPT = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
+MAX_CACHED = 8  # renderers of a studio, and scenes: ways to look that are gone to and fro between
 
 # What a scene reads once of what a user may write: such a change makes another scene.
 READ_ONCE = (
@@ -29,7 +35,7 @@ READ_ONCE = (
     *("tendon_stiffness", "tendon_damping", "tendon_frictionloss", "tendon_lengthspring"),
     *("flex_radius", "flex_flatskin", "skin_inflate", "actuator_cranklength"),
 )
-PAINTS = ("haze", "constraint", "slidercrank", "crankbroken")  # of vis.rgba, likewise
+VIS_COLORS = ("haze", "constraint", "slidercrank", "crankbroken")  # of vis.rgba, likewise
 PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
 COLORS = ("site_rgba", "tendon_rgba", "flex_rgba", "skin_rgba")
 MORE_OF_DATA = (
@@ -49,7 +55,8 @@ class Style:
         reflections: Whether planes and boxes reflect.
         sky: Whether the scene's skybox is behind everything; else black.
         antialiasing: Samples of a pixel at an edge, 1 or 4.
-        thinned: Whether all but what is fixed to the world is as transparent as the model's ``vis.map.alpha`` says.
+        model_transparency: Whether all but what is fixed to the world is as transparent as the model's
+            ``vis.map.alpha`` says.
     """
 
     groups: tuple[tuple[int, ...], ...] = ((0, 1, 2),) * 5
@@ -58,11 +65,11 @@ class Style:
     reflections: bool = True
     sky: bool = True
     antialiasing: int = 4
-    thinned: bool = False
+    model_transparency: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class GlCamera:
     """A camera as OpenGL has it.
 
     Attributes:
@@ -93,7 +100,7 @@ class View:
         return np.concatenate((self.position, self.rotation, edges)).tobytes()
 
 
-def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
+def view_of(scene: mujoco.MjvScene, width: int, height: int) -> GlCamera | None:
     """What a MuJoCo scene's camera sees in an image of that size; None if none was set."""
     if min(width, height) < 1:
         raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
@@ -107,14 +114,14 @@ def view_of(scene: mujoco.MjvScene, width: int, height: int) -> View | None:
     mujoco.mju_mat2Quat(rotation, np.array((right, up, -forward)).T.ravel())
     center = 0.5 * (one.frustum_center + two.frustum_center)
     half = 0.5 * (one.frustum_width + two.frustum_width) or 0.5 * (top - bottom) * width / height
-    return View(
+    return GlCamera(
         position=position, rotation=rotation, left=center - half, right=center + half,
         bottom=bottom, top=top, near=float(one.frustum_near), far=float(one.frustum_far),
         orthographic=bool(one.orthographic),
     )  # fmt: skip
 
 
-def depth_buffer(depth: np.ndarray, view: View) -> np.ndarray:
+def depth_buffer(depth: np.ndarray, view: GlCamera) -> np.ndarray:
     """What OpenGL's depth buffer holds for planar depth [m], as float32: 0 at the near plane, 1 at the far one."""
     if view.orthographic:
         return ((depth - view.near) / (view.far - view.near)).astype(np.float32)
@@ -122,7 +129,7 @@ def depth_buffer(depth: np.ndarray, view: View) -> np.ndarray:
     return np.ascontiguousarray((1.0 - inverse) / (1.0 - view.near / view.far), np.float32)
 
 
-class Studio:
+class FrameRenderer:
     """A model, a state of it, and every way in which somebody looked at it.
 
     Scenes and renderers are made when they are first needed and kept; taking a state costs one copy on the host.
@@ -137,10 +144,12 @@ class Studio:
         self._device = device
         self._state = mujoco.MjData(model)
         self._sizes = _sizes(self._state)
-        self._scenes: OrderedDict[Any, _Made] = OrderedDict()
-        self._eyes: OrderedDict[Any, _Eye] = OrderedDict()
-        self._room = Room()  # of scenes with something beside the model
-        self._copies: dict[type[Follower], tuple[Follower, Studio]] = {}  # the same state with other colours
+        self._scenes: OrderedDict[Any, _CachedScene] = OrderedDict()
+        self._eyes: OrderedDict[Any, _CameraRenderer] = OrderedDict()
+        self._room = MjvCapacity()  # of scenes with something beside the model
+        self._copies: dict[
+            type[ModelVariant], tuple[ModelVariant, FrameRenderer]
+        ] = {}  # the same state with other colours
 
     def take(self, data: mujoco.MjData) -> None:
         """Keep the state as it is now: what is simulated later is not seen in pictures of this one."""
@@ -166,32 +175,32 @@ class Studio:
         self._eyes.clear()
         self._copies.clear()
 
-    def scene(self, style: Style, backs: bool = False, decor: Decor | None = None) -> wc.Scene:
+    def scene(self, style: Style, backs: bool = False, mjv_geoms: MjvGeoms | None = None) -> wc.Scene:
         """The scene in which what that style names is drawn; with ``backs`` planes are seen from behind."""
         model = self._model
         known = (style.groups, style.draw, style.reflections, backs, self._fixed())
-        seen, veils = self._opacity()
+        seen, transparent = self._opacity()
         for key, made in reversed(self._scenes.items()):
-            if key[0] == known and made.suits(seen, veils, decor):
+            if key[0] == known and made.suits(seen, transparent, mjv_geoms):
                 self._scenes.move_to_end(key)
-                return made.filled(decor)
+                return made.filled(mjv_geoms)
         groups = dict(zip(("geoms", "sites", "tendons", "flexes", "skins"), style.groups, strict=True))
         places = None
-        if decor is not None:
-            self._room = self._room.grown(decor)
-            places = Places(model, self._room)
+        if mjv_geoms is not None:
+            self._room = self._room.grown(mjv_geoms)
+            places = MjvGeomSlots(model, self._room)
         scene = load(
             model, self._state, groups, self._device, style.draw, None if style.reflections else False,
             "backs" if backs else None, places,
         )  # fmt: skip
-        key = known, seen.tobytes(), veils.tobytes(), None if places is None else places.room
-        made = self._scenes[key] = _Made(scene, seen, veils, places)
+        key = known, seen.tobytes(), transparent.tobytes(), None if places is None else places.room
+        made = self._scenes[key] = _CachedScene(scene, seen, transparent, places)
         _shorten(self._scenes)
-        return made.filled(decor)
+        return made.filled(mjv_geoms)
 
     def look(
         self,
-        view: View,
+        view: GlCamera,
         style: Style,
         width: int,
         height: int,
@@ -199,52 +208,52 @@ class Studio:
         drawn: Sequence[str] = (),
         *,
         through: bool = False,
-        decor: Decor | None = None,
+        mjv_geoms: MjvGeoms | None = None,
     ) -> dict[str, np.ndarray]:
         """Images (height, width, channels) by output, of the state that was taken last; they are the caller's own.
 
         ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
         -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
         the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
-        buffer of depth has it where it draws colours. ``decor`` stands beside the model.
+        buffer of depth has it where it draws colours. ``mjv_geoms`` stands beside the model.
         """
-        if style.thinned:
-            plain, thinned = replace(style, thinned=False), self._copy(Thinned)
-            return thinned.look(view, plain, width, height, outputs, drawn, through=through, decor=decor)
-        veiled = decor is not None and decor.veiled
-        if through and "depth" in outputs and (veiled or has_veils(self._model, style.groups, style.draw)):
+        if style.model_transparency:
+            plain, thinned = replace(style, model_transparency=False), self._copy(WithModelTransparency)
+            return thinned.look(view, plain, width, height, outputs, drawn, through=through, mjv_geoms=mjv_geoms)
+        veiled = mjv_geoms is not None and mjv_geoms.transparent
+        if through and "depth" in outputs and (veiled or has_transparent(self._model, style.groups, style.draw)):
             both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
-            images = self.look(view, style, width, height, *both, decor=decor)
-            if veiled or sees_veils(self._model, images["objects"]):
-                opaque = None if decor is None else decor.opaque()
-                solid = self._copy(Opaque).look(view, style, width, height, ("depth",), decor=opaque)
+            images = self.look(view, style, width, height, *both, mjv_geoms=mjv_geoms)
+            if veiled or sees_transparent(self._model, images["objects"]):
+                opaque = None if mjv_geoms is None else mjv_geoms.opaque()
+                solid = self._copy(WithoutTransparent).look(view, style, width, height, ("depth",), mjv_geoms=opaque)
                 images["depth"] = solid["depth"]
             return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
-        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style), decor)
+        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style), mjv_geoms)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
         if key not in self._eyes or self._eyes[key].scene is not scene:
-            self._eyes[key] = _Eye(scene, style, view, width, height, names)
+            self._eyes[key] = _CameraRenderer(scene, style, view, width, height, names)
             _shorten(self._eyes)
         self._eyes.move_to_end(key)
         images = self._eyes[key].see(view, wanted)
         if "objects" in outputs:
             ids = images.pop("segmentation")[..., 0]
-            images["objects"] = scene.objects[ids] if decor is None else self._objects(scene, ids, decor)
+            images["objects"] = scene.objects[ids] if mjv_geoms is None else self._objects(scene, ids, mjv_geoms)
         return images
 
-    def _objects(self, scene: wc.Scene, ids: np.ndarray, decor: Decor) -> np.ndarray:
+    def _objects(self, scene: wc.Scene, ids: np.ndarray, mjv_geoms: MjvGeoms) -> np.ndarray:
         """What stands beside the model with what it is called there."""
         made = next(made for made in self._scenes.values() if made.scene is scene)
         table = scene.objects.copy()
         if made.places is not None:
             first = len(table) - 1 - len(made.places.objects)
-            for old, new in decor.renamed:
+            for old, new in mjv_geoms.renamed:
                 table[:first][(scene.objects[:first] == old).all(axis=1)] = new
             table[first:-1] = made.places.objects
         return table[ids]
 
-    def _sees_backs(self, view: View, style: Style) -> bool:
+    def _sees_backs(self, view: GlCamera, style: Style) -> bool:
         """Whether a plane has its back to the camera, and a scene would not show it unless told to."""
         model, state = self._model, self._state
         if "geoms" not in style.draw:
@@ -255,61 +264,66 @@ class Studio:
         if not behind.any():
             return False
         seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
-        return bool((behind & seen).any()) and not has_veils(model, style.groups, style.draw)
+        return bool((behind & seen).any()) and not has_transparent(model, style.groups, style.draw)
 
-    def _copy(self, kind: type[Follower]) -> "Studio":
+    def _copy(self, kind: type[ModelVariant]) -> "FrameRenderer":
         """Of the same state, in a copy of the model."""
         if kind not in self._copies or self._copies[kind][0].is_old():
             follower = kind(self._model)
-            self._copies[kind] = follower, Studio(follower.model, self._device)
+            self._copies[kind] = follower, FrameRenderer(follower.model, self._device)
             self._copies[kind][1]._state = self._state
-        follower, studio = self._copies[kind]
+        follower, frame_renderer = self._copies[kind]
         follower.follow()
-        return studio
+        return frame_renderer
 
     def _fixed(self) -> tuple[Any, ...]:
         """Equal as long as a scene that was made needs not be made anew."""
         model = self._model
         values = [getattr(model, name).tobytes() for name in READ_ONCE]
-        veils = ((model.geom_rgba[:, 3] < SOLID).tobytes(), (model.mat_rgba[:, 3] < SOLID).tobytes())
+        transparent = (
+            (model.geom_rgba[:, 3] < OPAQUE_ABOVE).tobytes(),
+            (model.mat_rgba[:, 3] < OPAQUE_ABOVE).tobytes(),
+        )
         sizes = model.vis.map
         scales = (sizes.znear, sizes.zfar, sizes.shadowclip, sizes.shadowscale, sizes.haze, model.stat.extent)
         cranks = (model.vis.scale.slidercrank, model.stat.meansize)
-        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in PAINTS]
-        return (*values, *veils, scales, cranks, *colors, model.opt.disableflags & UNLIMITED)
+        colors = [np.asarray(getattr(model.vis.rgba, name)).tobytes() for name in VIS_COLORS]
+        return (*values, *transparent, scales, cranks, *colors, model.opt.disableflags & UNLIMITED)
 
     def _opacity(self) -> tuple[np.ndarray, np.ndarray]:
         """Which sites, tendons, flexes and skins are seen now, and which of these are transparent."""
         alpha = np.concatenate([getattr(self._model, name)[:, 3] for name in COLORS])
-        return alpha > 0.0, alpha < SOLID
+        return alpha > 0.0, alpha < OPAQUE_ABOVE
 
 
 @dataclass(frozen=True, eq=False)
-class _Made:
+class _CachedScene:
     """A scene, what of sites, tendons, flexes and skins was seen, and transparent, when it was made, and its places."""
 
     scene: wc.Scene
     seen: np.ndarray
     veils: np.ndarray
-    places: Places | None
+    places: MjvGeomSlots | None
 
-    def suits(self, seen: np.ndarray, veils: np.ndarray, decor: Decor | None) -> bool:
-        if self.places is None or decor is None:
-            holds = self.places is None and decor is None
+    def suits(self, seen: np.ndarray, transparent: np.ndarray, mjv_geoms: MjvGeoms | None) -> bool:
+        if self.places is None or mjv_geoms is None:
+            holds = self.places is None and mjv_geoms is None
         else:
-            holds = self.places.room.holds(decor)
-        return holds and bool((self.seen >= seen).all() and (self.veils == veils)[seen].all())
+            holds = self.places.room.holds(mjv_geoms)
+        return holds and bool((self.seen >= seen).all() and (self.veils == transparent)[seen].all())
 
-    def filled(self, decor: Decor | None) -> wc.Scene:
-        if self.places is not None and decor is not None:
-            self.places.fill(decor)
+    def filled(self, mjv_geoms: MjvGeoms | None) -> wc.Scene:
+        if self.places is not None and mjv_geoms is not None:
+            self.places.fill(mjv_geoms)
         return self.scene
 
 
-class _Eye:
+class _CameraRenderer:
     """A renderer with one camera, which is moved to where somebody looks from."""
 
-    def __init__(self, scene: wc.Scene, style: Style, view: View, width: int, height: int, outputs: tuple[str, ...]):
+    def __init__(
+        self, scene: wc.Scene, style: Style, view: GlCamera, width: int, height: int, outputs: tuple[str, ...]
+    ):
         self.scene = scene
         self._width, self._height = width, height
         lens: wc.Lens = wc.Orthographic(height=1.0) if view.orthographic else wc.Pinhole(fx=1.0)
@@ -324,7 +338,7 @@ class _Eye:
         self._arrays = {name: wp.from_torch(getattr(arrays, name)) for name in names}
         self._written: dict[str, Any] = {}
 
-    def see(self, view: View, wanted: Sequence[str]) -> dict[str, np.ndarray]:
+    def see(self, view: GlCamera, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         values: dict[str, Any] = {"position": view.position.tolist(), "rotation": view.rotation.tolist()}
         values.update(near=view.near, far=view.far)
         across, down = view.right - view.left, view.top - view.bottom
@@ -351,5 +365,5 @@ def _sizes(data: mujoco.MjData) -> tuple[int, int, int]:
 
 
 def _shorten(kept: OrderedDict[Any, Any]) -> None:
-    while len(kept) > MAX_KEPT:
+    while len(kept) > MAX_CACHED:
         kept.popitem(last=False)

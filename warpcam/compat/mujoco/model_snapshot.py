@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from warpcam.compat.mujoco.frame_renderer import PAINTS
+from warpcam.compat.mujoco.frame_renderer import VIS_COLORS
 from warpcam.compat.mujoco.model_variants import FOLLOWED
 
 ASSETS = ("mesh_", "hfield_", "tex_", "skin_")  # how arrays begin that a renderer reads once, or when they are uploaded
@@ -18,7 +18,7 @@ SETTINGS = {
     "stat": ("extent", "meansize"),
     "opt": ("disableflags",),
 }
-COLORS = {"vis.headlight": ("ambient", "diffuse", "specular"), "vis.rgba": PAINTS}
+COLORS = {"vis.headlight": ("ambient", "diffuse", "specular"), "vis.rgba": VIS_COLORS}
 
 
 class Snapshot:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 from warpcam.sources.mujoco.model import MODEL_NAMES
 
 KINDS = ("geom", "site", "tendon", "flex", "skin")
@@ -29,7 +29,7 @@ FOLLOWED = tuple(
 )
 
 
-def has_veils(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequence[str]) -> bool:
+def has_transparent(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequence[str]) -> bool:
     """Whether something of those groups is transparent and drawn.
 
     Args:
@@ -40,13 +40,13 @@ def has_veils(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw: Sequ
     for kind, shown in zip(KINDS, groups, strict=True):
         plural = "flexes" if kind == "flex" else f"{kind}s"
         opacity = _opacity(model, kind)
-        veils = (opacity > 0.0) & (opacity < SOLID)
+        veils = (opacity > 0.0) & (opacity < OPAQUE_ABOVE)
         if plural in draw and veils.any() and np.isin(getattr(model, f"{kind}_group")[veils], list(shown)).any():
             return True
     return False
 
 
-def sees_veils(model: mujoco.MjModel, objects: np.ndarray) -> bool:
+def sees_transparent(model: mujoco.MjModel, objects: np.ndarray) -> bool:
     """Whether something transparent is to be seen in an image.
 
     Args:
@@ -55,12 +55,12 @@ def sees_veils(model: mujoco.MjModel, objects: np.ndarray) -> bool:
     """
     for kind in KINDS:
         ids = objects[..., 0][objects[..., 1] == int(getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"))]
-        if ids.size and (_opacity(model, kind)[ids] < SOLID).any():
+        if ids.size and (_opacity(model, kind)[ids] < OPAQUE_ABOVE).any():
             return True
     return False
 
 
-class Follower:
+class ModelVariant:
     """A copy of a model with other colours.
 
     Attributes:
@@ -86,14 +86,14 @@ class Follower:
         raise NotImplementedError
 
 
-class Opaque(Follower):
+class WithoutTransparent(ModelVariant):
     """A copy in which nothing that is transparent is to be seen."""
 
     def _recolor(self, colors: np.ndarray, shown: np.ndarray, kind: str) -> None:
-        colors[shown[:, 3] < SOLID] = 0.0
+        colors[shown[:, 3] < OPAQUE_ABOVE] = 0.0
 
 
-class Thinned(Follower):
+class WithModelTransparency(ModelVariant):
     """A copy in which all but what is fixed to the world has ``vis.map.alpha`` of its opacity."""
 
     def _recolor(self, colors: np.ndarray, shown: np.ndarray, kind: str) -> None:

@@ -86,7 +86,7 @@ def style_of(model: mujoco.MjModel, option: mujoco.MjvOption, flags: Any) -> Sty
         reflections=bool(flags[REFLECTION]),
         sky=bool(flags[SKYBOX]),
         antialiasing=4 if quality.offsamples > 1 else 1,
-        thinned=bool(chosen[TRANSPARENT]) and model.vis.map.alpha != 1.0,
+        model_transparency=bool(chosen[TRANSPARENT]) and model.vis.map.alpha != 1.0,
     )
 
 

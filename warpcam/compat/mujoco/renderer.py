@@ -11,13 +11,13 @@ import mujoco
 import numpy as np
 
 from warpcam.compat.mujoco import mjv_scene, upload_calls
-from warpcam.compat.mujoco.frame_renderer import Studio, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer, view_of
 from warpcam.compat.mujoco.model_snapshot import Snapshot
 from warpcam.compat.mujoco.options import style_of
-from warpcam.compat.mujoco.user_geoms import Own, drawn_alone
+from warpcam.compat.mujoco.user_geoms import UserGeoms, drawn_alone
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.mujoco.mjv_geoms import Decor
+from warpcam.sources.mujoco.mjv_geoms import MjvGeoms
 
 __all__ = ["Renderer", "install", "uninstall"]
 
@@ -85,7 +85,7 @@ class Renderer:
         *,
         device: Any = None,
     ):
-        self._studio: Studio | None = None
+        self._frame_renderer: FrameRenderer | None = None
         # Programs know these by MuJoCo's names.
         self._mjr_context: upload_calls.Context | None = None
         self._gl_context: upload_calls.Context | None = None
@@ -108,10 +108,10 @@ class Renderer:
         self._scene = mujoco.MjvScene(model=model, maxgeom=max_geom)
         self._scene_option = mujoco.MjvOption()  # where none is given; programs write to it
         self._option = self._scene_option
-        self._own: Own | None = None  # the scene as update_scene has made it; None before it has
+        self._own: UserGeoms | None = None  # the scene as update_scene has made it; None before it has
         self._depth = self._segmentation = False
         self._taken = Snapshot(model)
-        self._studio = Studio(self._taken.model, _chosen[0] if device is None else device)
+        self._frame_renderer = FrameRenderer(self._taken.model, _chosen[0] if device is None else device)
         self._mjr_context = self._gl_context = upload_calls.Context(self._upload)
 
     @property
@@ -167,12 +167,12 @@ class Renderer:
             raise TypeError(f"scene_option must be a mujoco.MjvOption or None, got {type(option).__name__}")
         style_of(self._model, option, self._scene.flags)  # refuse now what would be refused at the picture
         self._option = option
-        if self._studio is not None:
-            self._studio.take(data)
+        if self._frame_renderer is not None:
+            self._frame_renderer.take(data)
             self._taken.follow()
         everything = int(mujoco.mjtCatBit.mjCAT_ALL)
         mujoco.mjv_updateScene(self._model, data, self._option, None, camera, everything, self._scene)
-        self._own = Own(self._model, self._scene)
+        self._own = UserGeoms(self._model, self._scene)
 
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """The picture of the state that was taken last.
@@ -189,7 +189,7 @@ class Renderer:
             RuntimeError: The renderer was closed.
             ValueError: ``out`` has another shape.
         """
-        if self._studio is None:
+        if self._frame_renderer is None:
             raise RuntimeError("render cannot be called after close.")
         shape: tuple[int, ...] = (self._height, self._width)
         shape += () if self._depth else (2,) if self._segmentation else (3,)
@@ -200,7 +200,7 @@ class Renderer:
                 f"Expected `out.shape == {shape}`. Got `out.shape={out.shape}` instead: out is (height, width) with "
                 "depth rendering, (height, width, 2) with segmentation rendering and (height, width, 3) otherwise."
             )
-        image = self._picture(self._studio)
+        image = self._picture(self._frame_renderer)
         if out is None or spare:
             return image
         out[...] = image
@@ -208,7 +208,7 @@ class Renderer:
 
     def close(self) -> None:
         """Let go of all memory. Closing twice does nothing."""
-        self._studio = self._mjr_context = self._gl_context = None
+        self._frame_renderer = self._mjr_context = self._gl_context = None
 
     def __enter__(self) -> "Renderer":
         return self
@@ -216,7 +216,7 @@ class Renderer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _picture(self, studio: Studio) -> np.ndarray:
+    def _picture(self, frame_renderer: FrameRenderer) -> np.ndarray:
         model, scene = self._taken.model, self._scene
         view = view_of(scene, self._width, self._height)
         if view is None:
@@ -229,21 +229,21 @@ class Renderer:
         mjv_scene.refuse_views(scene)
         output = "depth" if self._depth else "objects" if self._segmentation else "rgb"
         solid = output != "rgb"
-        decor: Decor | None
+        mjv_geoms: MjvGeoms | None
         if self._own is None:  # what MjvOption chose is what its geoms are
             self._taken.follow()
             style = style_of(model, mujoco.MjvOption(), scene.flags)
-            style, decor = drawn_alone(model, scene, view, self._height, style, solid=solid)
+            style, mjv_geoms = drawn_alone(model, scene, view, self._height, style, solid=solid)
         else:
             style = style_of(model, self._option, scene.flags)
-            style, decor = self._own.drawn(view, self._height, style, solid=solid)
-        image = studio.look(view, style, self._width, self._height, (output,), decor=decor)[output]
+            style, mjv_geoms = self._own.drawn(view, self._height, style, solid=solid)
+        image = frame_renderer.look(view, style, self._width, self._height, (output,), mjv_geoms=mjv_geoms)[output]
         return image[..., 0] if self._depth else image
 
     def _upload(self) -> None:
-        if self._studio is not None:
+        if self._frame_renderer is not None:
             self._taken.upload()
-            self._studio.reload()
+            self._frame_renderer.reload()
 
     def _empty(self) -> np.ndarray:
         size = (self._height, self._width)

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from warpcam.compat.mujoco.frame_renderer import View
+from warpcam.compat.mujoco.frame_renderer import GlCamera
 
 GROWTH = 1.1  # how much farther the end of a piece is at most than its start
 MOST_PIECES = 64
@@ -11,7 +11,7 @@ THICKNESS = 1e-3  # of a piece, as part of its width
 
 
 def line_pieces(
-    start: np.ndarray, end: np.ndarray, pixels: np.ndarray, view: View, height: int, smooth: bool
+    start: np.ndarray, end: np.ndarray, pixels: np.ndarray, view: GlCamera, height: int, smooth: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What is seen of lines.
 
@@ -57,7 +57,7 @@ def line_pieces(
 
 
 def _cut(
-    start: np.ndarray, end: np.ndarray, first: np.ndarray, last: np.ndarray, view: View
+    start: np.ndarray, end: np.ndarray, first: np.ndarray, last: np.ndarray, view: GlCamera
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Pieces of what lies beyond the near plane: of which lines, and from where to where.
 

@@ -12,12 +12,12 @@ import mujoco
 import numpy as np
 
 from warpcam.compat.mujoco import mjv_scene
-from warpcam.compat.mujoco.frame_renderer import Style, View
+from warpcam.compat.mujoco.frame_renderer import GlCamera, Style
 from warpcam.compat.mujoco.screen_lines import line_pieces
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, HEIGHT_FIELD, MESH, PLANE, SPHERE
-from warpcam.sources.mujoco.mjv_geoms import Decor, Pair
+from warpcam.sources.mujoco.mjv_geoms import MjvGeoms, Pair
 
 GEOM = mujoco.mjtGeom
 DECOR = int(mujoco.mjtCatBit.mjCAT_DECOR)
@@ -35,7 +35,7 @@ FROM_STATES = (
 )
 
 
-class Own:
+class UserGeoms:
     """A scene as ``mjv_updateScene`` has just made it.
 
     Args:
@@ -48,7 +48,7 @@ class Own:
         self._geoms, self._lights = mjv_scene.geoms_of(scene), mjv_scene.lights_of(scene)
         self._soft = mjv_scene.soft_of(scene)
 
-    def drawn(self, view: View, height: int, style: Style, *, solid: bool) -> tuple[Style, Decor | None]:
+    def drawn(self, view: GlCamera, height: int, style: Style, *, solid: bool) -> tuple[Style, MjvGeoms | None]:
         """How the scene is drawn as it is now: the style of the model, and what stands beside it, or None for nothing.
 
         Args:
@@ -100,14 +100,14 @@ class Own:
 
 
 def drawn_alone(
-    model: mujoco.MjModel, scene: mujoco.MjvScene, view: View, height: int, style: Style, *, solid: bool
-) -> tuple[Style, Decor]:
+    model: mujoco.MjModel, scene: mujoco.MjvScene, view: GlCamera, height: int, style: Style, *, solid: bool
+) -> tuple[Style, MjvGeoms]:
     """How a scene is drawn whose state is not known, as one that a program made: all of it stands beside the model.
 
-    The style that is returned draws nothing of the model; see ``Own.drawn``.
+    The style that is returned draws nothing of the model; see ``UserGeoms.drawn``.
     """
     geoms, lights = mjv_scene.geoms_of(scene), mjv_scene.lights_of(scene)
-    bare = replace(style, groups=Style().groups, draw=(), thinned=False)
+    bare = replace(style, groups=Style().groups, draw=(), model_transparency=False)
     reader = _Reader(model, geoms, lights, view, height, bare, solid)
     return bare, reader.read(np.ones(len(geoms), bool), np.zeros(0, np.int64), lights)
 
@@ -120,7 +120,7 @@ class _Reader:
         model: mujoco.MjModel,
         geoms: np.ndarray,
         lights: np.ndarray,
-        view: View,
+        view: GlCamera,
         height: int,
         style: Style,
         solid: bool,
@@ -131,7 +131,7 @@ class _Reader:
         self._casting = int(casting.sum()) if style.shadows else 0
         self._rows: list[dict[str, np.ndarray]] = []
 
-    def read(self, chosen: np.ndarray, hidden: np.ndarray, lights: np.ndarray | None) -> Decor:
+    def read(self, chosen: np.ndarray, hidden: np.ndarray, lights: np.ndarray | None) -> MjvGeoms:
         geoms = self._geoms
         numbers = geoms["size"], geoms["pos"], geoms["mat"].reshape(-1, 9), geoms["rgba"]
         finite = np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)
@@ -148,8 +148,8 @@ class _Reader:
                 allowed = ", ".join(_name(known) for known in READERS)
                 raise WarpcamError(f"{what}, which warpcam does not draw; allowed are {allowed}")
             READERS[kind](self, np.flatnonzero(there & (geoms["type"] == kind)))
-        decor = self._joined(chosen, hidden, lights)
-        return decor.solid() if self._solid else decor.some(decor.colors[:, 3] > 0.0)
+        mjv_geoms = self._joined(chosen, hidden, lights)
+        return mjv_geoms.solid() if self._solid else mjv_geoms.some(mjv_geoms.colors[:, 3] > 0.0)
 
     def add(self, of: np.ndarray, kind: int, sizes: Any, along: Any = 0.0, flip: bool = False, **more: Any) -> None:
         """Shapes of one type for some geoms.
@@ -160,7 +160,7 @@ class _Reader:
             sizes: (n, 3).
             along: (n,) how far along the geom's z axis they stand [m].
             flip: Whether they stand the other way up.
-            more: Rows of a ``Decor`` that are others than the geom's.
+            more: Rows of a ``MjvGeoms`` that are others than the geom's.
         """
         geoms = self._geoms[of]
         turns = geoms["mat"] * ((1.0, -1.0, -1.0) if flip else 1.0)
@@ -178,17 +178,17 @@ class _Reader:
         }
         self._rows.append({**row, **more})
 
-    def _joined(self, chosen: np.ndarray, hidden: np.ndarray, lights: np.ndarray | None) -> Decor:
+    def _joined(self, chosen: np.ndarray, hidden: np.ndarray, lights: np.ndarray | None) -> MjvGeoms:
         empty = np.zeros(0, np.int64)
         if not self._rows:
             self.add(empty, SPHERE, np.zeros((0, 3)))
         rows = {name: np.concatenate([row[name] for row in self._rows]) for name in self._rows[0]}
         of = rows.pop("of")
         geoms = self._geoms[of]
-        reflects = np.isin(rows["types"], (PLANE, BOX)) & (rows["colors"][:, 3] >= SOLID)
+        reflects = np.isin(rows["types"], (PLANE, BOX)) & (rows["colors"][:, 3] >= OPAQUE_ABOVE)
         textures, repeats, uniform = self._textures(geoms)
         pairs, renamed = self._pairs(of, chosen)
-        return Decor(
+        return MjvGeoms(
             **rows,
             reflectances=np.where(reflects, np.maximum(geoms["reflectance"], 0.0), 0.0),
             textures=textures,
@@ -256,7 +256,7 @@ class _Reader:
         which, middles, turns, sizes = line_pieces(start, end, pixels, self._view, self._height, self._smooth)
         if len(which):
             color = self._geoms["rgba"][of[which]]
-            lit = 1.0 + self._casting * (color[:, 3:] >= SOLID)  # each such light draws what is solid once more
+            lit = 1.0 + self._casting * (color[:, 3:] >= OPAQUE_ABOVE)  # each such light draws what is solid once more
             bright = np.minimum(color[:, :3] * lit, 1.0) / UNLIT
             finishes = np.tile(np.array((UNLIT, 0.0, 0.0), np.float32), (len(which), 1))
             self.add(

@@ -14,8 +14,8 @@ from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.runtime.streams import context_kept
-from warpcam.scene.layers import choice_of
+from warpcam.kernels.runtime.streams import preserve_cuda_context
+from warpcam.scene.layers import check_tristate
 from warpcam.sources.mujoco.device import load
 from warpcam.sources.mujoco.model import NUM_GROUPS
 
@@ -140,8 +140,8 @@ class _Bound:
     def __init__(self, context: RenderContext, m: Any, d: Any):
         settings = context._settings
         self._m, self._d, self._device = m, d, context.device
-        mjm, self._look = look_of(context, m)
-        with context_kept():
+        mjm, self._look = camera_settings_of(context, m)
+        with preserve_cuda_context():
             scene = load_groups(
                 mjm,
                 m if self._look is None else self._look.model,
@@ -177,7 +177,7 @@ class _Bound:
         self.renderer = wc.Renderer(scene, cameras) if cameras else None
         self._stages = self._pack(context, color, scene) if self.renderer is not None else []
         for stage in self._stages:
-            stage.bind()
+            stage.prepare()
 
     def render(self) -> None:
         if self._look is not None:
@@ -199,11 +199,11 @@ class _Bound:
                 image = self.renderer.array(view.camera, color if name == "rgb" else name)
                 if name == "rgb":
                     out, alpha = context.rgb_data, context._miss_alpha
-                    stages.append(packing.record_color(image, packing.BGRA, out, start, device, alpha))
+                    stages.append(packing.bind_color(image, packing.BGRA, out, start, device, alpha))
                 elif name == "depth":
-                    stages.append(packing.record_values(image, context.depth_data, start, device))
+                    stages.append(packing.bind_values(image, context.depth_data, start, device))
                 else:
-                    stages.append(packing.record_objects(image, objects, context.seg_data, start, device))
+                    stages.append(packing.bind_objects(image, objects, context.seg_data, start, device))
         return stages
 
 
@@ -223,11 +223,11 @@ def load_groups(
 ) -> wc.Scene:
     """The scene of ``warpcam.from_mujoco_warp``, with the geoms of ``geoms_of``."""
     others = [group for group in groups if 0 <= group < NUM_GROUPS]
-    chosen = choice_of("transparency", transparency)
+    chosen = check_tristate("transparency", transparency)
     return load(mjm, m, d, others, draw, reflections, chosen, geoms_of(mjm, groups))
 
 
-class Look:
+class CameraSettings:
     """A Model that shares all but some looks with the user's, and follows it when its arrays are replaced."""
 
     def __init__(self, m: Any, blank: dict[str, int]):
@@ -247,7 +247,7 @@ class Look:
             attributes[name] = mine
 
 
-def look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, Look | None]:
+def camera_settings_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, CameraSettings | None]:
     """The models to read: the user's own unless the settings leave out some of their looks."""
     settings, mjm = context._settings, context._mjm
     blank: dict[str, int] = {}
@@ -270,4 +270,4 @@ def look_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, Look | None
             headlight.active, colors = 1, ["ambient", "diffuse", "specular"]
         for name in colors:
             getattr(headlight, name)[:] = 0.0
-    return mjm, Look(m, blank) if blank else None
+    return mjm, CameraSettings(m, blank) if blank else None

@@ -15,7 +15,7 @@ CLEAR = wp.constant(-102)  # nothing is seen by the view
 
 
 @wp.struct
-class Clear:
+class ClearValues:
     """What is written where nothing is hit."""
 
     color: wp.uint32
@@ -26,7 +26,7 @@ class Clear:
 
 
 @wp.struct
-class Sources:
+class RenderedImages:
     """Images of one camera, (world, height, width, channels); those that are not asked for are empty."""
 
     depth: wp.array4d(dtype=wp.float32)  # planar, or along the ray; inf where nothing is hit [m]
@@ -39,7 +39,7 @@ class Sources:
 
 
 @wp.struct
-class Images:
+class SensorImages:
     """Images of the views, (view, height, width); those that are not asked for are empty."""
 
     color: wp.array3d(dtype=wp.uint32)
@@ -148,9 +148,9 @@ def write_views(
     rays: wp.array4d(dtype=wp.vec3),
     max_distance: wp.float32,
     linear: wp.int32,
-    clear: Clear,
-    seen: Sources,
-    out: Images,
+    clear: ClearValues,
+    seen: RenderedImages,
+    out: SensorImages,
     first: wp.int32,
 ):
     index = first + wp.tid()

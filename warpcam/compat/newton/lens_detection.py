@@ -17,7 +17,7 @@ MOST = 0.02  # pixels that a ray may lie beside the lens that is found
 
 
 @dataclass(frozen=True, eq=False)
-class Bundle:
+class RayBundle:
     """What one bundle of rays is.
 
     Attributes:
@@ -41,13 +41,13 @@ class Bundle:
         return self.size, self.lens if table else type(self.lens)
 
 
-class Bundles:
+class RayBundles:
     """Bundles by the arrays that hold them; each is read once."""
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[weakref.ref[Any], int, Bundle]] = {}
+        self._known: dict[int, tuple[weakref.ref[Any], int, RayBundle]] = {}
 
-    def find(self, rays: wp.array) -> Bundle:
+    def find(self, rays: wp.array) -> RayBundle:
         """The bundle in ``rays``, (height, width, sample, 2) vec3: origins and directions in the camera's frame."""
         known = self._known.get(id(rays))
         age = _outdated.get(id(rays), 0)
@@ -73,7 +73,7 @@ class Bundles:
         _outdated[id(rays)] = _outdated.get(id(rays), 0) + 1
 
 
-def read_bundle(rays: np.ndarray) -> Bundle:
+def read_bundle(rays: np.ndarray) -> RayBundle:
     """The lens that makes such rays: one of Newton's helpers, or a table of them all."""
     height, width, samples = rays.shape[:3]
     rays = rays.astype(np.float64)
@@ -86,7 +86,7 @@ def read_bundle(rays: np.ndarray) -> Bundle:
     used = (directions != 0.0).any(axis=1)
     size = (width, height)
     if not used.any():
-        return Bundle(size, samples, wc.Pinhole(fx=1.0), (1.0, 1.0, 0.5 * width, 0.5 * height), (0.0, 0.0, 0.0))
+        return RayBundle(size, samples, wc.Pinhole(fx=1.0), (1.0, 1.0, 0.5 * width, 0.5 * height), (0.0, 0.0, 0.0))
     origins, directions, column, row = origins[used], directions[used], column[used], row[used]
     together = np.ptp(origins, axis=0).max() <= 1e-6 * (1.0 + np.abs(origins).max())
     if (directions[:, 2] >= 0.0).any():
@@ -101,23 +101,23 @@ def read_bundle(rays: np.ndarray) -> Bundle:
         if not (fx > 0.0 and fy > 0.0 and aside <= MOST):
             return _table(size, samples, chosen, origins[0])
         x, y, z = (float(value) for value in origins[0])
-        return Bundle(size, samples, wc.Pinhole(fx=1.0), (float(fx), float(fy), float(cx), float(cy)), (x, y, z))
+        return RayBundle(size, samples, wc.Pinhole(fx=1.0), (float(fx), float(fy), float(cx), float(cy)), (x, y, z))
     if np.abs(slopes).max() <= 1e-6:
         across, down = _line(column, origins[:, 0]), _line(row, -origins[:, 1])
         scale = across[0] if width > 1 else down[0]
         x, y = origins[:, 0] * scale + 0.5 * width, -origins[:, 1] * scale + 0.5 * height
         if scale > 0.0 and np.ptp(origins[:, 2]) < 1e-6 and np.hypot(x - column, y - row).max() <= MOST:
             z = float(origins[0, 2])
-            return Bundle(size, samples, wc.Orthographic(1.0), (height / scale, 0.0, 0.0, 0.0), (0.0, 0.0, z))
+            return RayBundle(size, samples, wc.Orthographic(1.0), (height / scale, 0.0, 0.0, 0.0), (0.0, 0.0, z))
     return _table(size, samples, chosen, None)
 
 
-def _table(size: tuple[int, int], samples: int, chosen: np.ndarray, origin: np.ndarray | None) -> Bundle:
+def _table(size: tuple[int, int], samples: int, chosen: np.ndarray, origin: np.ndarray | None) -> RayBundle:
     """Fisheyes, distorted lenses and all others, which come from one place, or each from its own."""
     origins, directions = (np.ascontiguousarray(chosen[..., part, :]) for part in (0, 1))
     x, y, z = (0.0, 0.0, 0.0) if origin is None else (float(value) for value in origin)
     lens = wc.Rays(directions, origins=origins if origin is None else None)
-    return Bundle(size, samples, lens, (0.0, 0.0, 0.0, 0.0), (x, y, z))
+    return RayBundle(size, samples, lens, (0.0, 0.0, 0.0, 0.0), (x, y, z))
 
 
 def _line(place: np.ndarray, slope: np.ndarray) -> tuple[float, float]:

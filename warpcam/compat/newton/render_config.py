@@ -23,7 +23,7 @@ LEFT = 0.3  # of the light is there in its shadow
 SHARP = 512  # texels of a checkerboard at least along each side
 
 
-class Looks:
+class RenderSettings:
     """What Newton's camera chooses of a scene: its light, its ambient light, which textures show.
 
     Args:

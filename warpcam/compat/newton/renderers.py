@@ -10,10 +10,10 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.compat.newton import kernels
-from warpcam.compat.newton.lens_detection import Bundle, Bundles
+from warpcam.compat.newton.lens_detection import RayBundle, RayBundles
 from warpcam.compat.newton.render_config import (
     USUAL_LIMITS,
-    Looks,
+    RenderSettings,
     check_config,
     check_shapes,
     checkerboard,
@@ -22,13 +22,13 @@ from warpcam.compat.newton.render_config import (
     require_unchanged,
     splat_limits,
 )
-from warpcam.compat.newton.visibility_options import Drawn
+from warpcam.compat.newton.visibility_options import VisibilityState
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import record
-from warpcam.kernels.runtime.streams import context_kept
+from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.kernels.types import ROLE_COLOR
-from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.sources.newton.source import load
 
 MAX_RENDERERS = 8  # sizes and sets of images that a sensor goes to and fro between
@@ -89,7 +89,7 @@ class Mapped:
         wp.launch(kernels.choose_cameras, len(wanted), inputs, device=self.worlds.device)
 
 
-class Views:
+class RendererCache:
     """All views of a model, for the sensors.
 
     Attributes:
@@ -100,14 +100,14 @@ class Views:
 
     def __init__(self, model: newton.Model, physical: bool, textures: bool, simulated: bool, visual: bool):
         self.model, self.device = model, model.device
-        self.looks, self.bundles = Looks(model, physical), Bundles()
+        self.looks, self.bundles = RenderSettings(model, physical), RayBundles()
         self._board: np.ndarray | None = None
         self._checked: np.ndarray | None = None
-        self._num_finishes, self._drawn = 0, Drawn(model, simulated, visual, textures)
+        self._num_finishes, self._drawn = 0, VisibilityState(model, simulated, visual, textures)
         self._limits: tuple[float, float] | None = None  # of splats, as far as it is known
         self._captured = False  # whether graphs may write other limits whenever they are launched
         self._held: dict[tuple[int, int], Any] = {}  # what graphs use
-        self._choice: Choice = self._drawn.usual
+        self._choice: NewtonOptions = self._drawn.usual
         self._build(self._choice)
         self._most_finishes = self._num_finishes  # other choices draw no more
 
@@ -142,7 +142,7 @@ class Views:
             source.parts.splat_limits.fill_(wp.vec2(*limits))
         self._limits = limits
 
-    def _build(self, choice: Choice) -> None:
+    def _build(self, choice: NewtonOptions) -> None:
         """Make the scene, anew where the images that shapes may show are others, or lie another way."""
         model = self.model
         light = wc.Light(direction=default_direction(model))
@@ -150,7 +150,7 @@ class Views:
         if self._board is not None:  # for each of the model's materials one that shows it
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._most_finishes - 1)]
         self._renderers: dict[tuple[Any, ...], _Traced] = {}  # their images make room
-        with context_kept():
+        with preserve_cuda_context():
             self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, choice)
         self._choice = choice
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
@@ -249,7 +249,7 @@ class _Seen:
     """
 
     number: int
-    bundle: Bundle
+    bundle: RayBundle
     transforms: wp.array
     rays: wp.array
     images: Mapping[str, wp.array]
@@ -272,7 +272,7 @@ class _Traced:
                     wp.from_torch(arrays.height) if flat else _none(1, wp.float32, self._device),
                 )
             )
-            sources = kernels.Sources()
+            sources = kernels.RenderedImages()
             sources.along = int(isinstance(camera.lens, wc.Rays))
             for name, dtype in (("color", wp.uint8), ("albedo", wp.uint8), ("hdr", wp.float32)):
                 setattr(sources, name, _none(4, dtype, self._device))
@@ -289,7 +289,7 @@ class _Traced:
         wp.launch(kernels.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
 
     def write(self, camera: int, mapped: Mapped, seen: _Seen, clear_data: Any, config: Any) -> None:
-        clear, out = kernels.Clear(), kernels.Images()
+        clear, out = kernels.ClearValues(), kernels.SensorImages()
         linear = config.output_color_space == newton.utils.ColorSpace.LINEAR
         clear.color, clear.albedo = (
             wp.uint32(linear_color(packed) if linear else packed)
@@ -303,7 +303,7 @@ class _Traced:
         inputs = [mapped.worlds, mapped.cameras, number, seen.rays, float(config.max_distance), int(linear), clear]
         inputs += [self._sources[camera], out]
         count = len(mapped.worlds) * seen.rays.shape[0] * seen.rays.shape[1]
-        record(kernels.write_views, count, inputs, self._device).launch()
+        bind_launch(kernels.write_views, count, inputs, self._device).launch()
 
 
 def _outputs(images: Mapping[str, wp.array], smooth: bool, linear: bool, table: bool) -> list[str]:

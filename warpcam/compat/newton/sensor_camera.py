@@ -11,8 +11,8 @@ import numpy as np
 import warp as wp
 from newton.sensors import SensorCamera as NewtonsCamera
 
-from warpcam.compat.newton.lens_detection import Bundles
-from warpcam.compat.newton.renderers import IMAGES, Mapped, Views
+from warpcam.compat.newton.lens_detection import RayBundles
+from warpcam.compat.newton.renderers import IMAGES, Mapped, RendererCache
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 
@@ -62,7 +62,7 @@ class SensorCamera(NewtonsCamera):
         )
         self._model, self._views_per_world = model, views_per_world
         self._render_context = SimpleNamespace(model=model)  # what the methods that are Newton's own ask for
-        self._views = Views(model, physical, bool(load_textures), mode != VISUAL_ONLY, mode != SIMULATION_ONLY)
+        self._views = RendererCache(model, physical, bool(load_textures), mode != VISUAL_ONLY, mode != SIMULATION_ONLY)
         self._mode = mode
         self._synced: Any = None  # a reference to the state that deformables were last taken of
         self._mapped: dict[Any, tuple[Any, Mapped]] = {}
@@ -242,7 +242,7 @@ def _rays_helper(helper: Callable[..., wp.array]) -> Callable[..., wp.array]:
     @wraps(helper)
     def compute(*args: Any, **settings: Any) -> wp.array:
         rays = helper(*args, **settings)
-        Bundles.outdated(rays)
+        RayBundles.outdated(rays)
         return rays
 
     return compute

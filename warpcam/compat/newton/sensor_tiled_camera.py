@@ -11,7 +11,7 @@ import warp as wp
 from newton.sensors import SensorTiledCamera as NewtonsCamera
 
 from warpcam.compat.newton.render_config import DOWN
-from warpcam.compat.newton.renderers import Views
+from warpcam.compat.newton.renderers import RendererCache
 from warpcam.compat.newton.sensor_camera import check_array, check_images, own_worlds
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
@@ -122,7 +122,7 @@ class SensorTiledCamera(NewtonsCamera):
             default_render_config = config
         settings = NewtonsCamera.RenderConfig() if default_render_config is None else default_render_config
         self._config, self._clear = settings, NewtonsCamera.ClearData()
-        self._views = Views(model, physical, bool(load_textures), simulated=True, visual=False)
+        self._views = RendererCache(model, physical, bool(load_textures), simulated=True, visual=False)
         self._mapped = own_worlds(model.world_count, model.world_count, model.device)
         self._slices: dict[int, tuple[wp.array, list[wp.array]]] = {}
         self._utils = Utils(self)

@@ -5,12 +5,12 @@ from typing import Any
 
 import newton
 
-from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.options import NewtonOptions
 
 MESHES = (newton.GeoType.MESH, newton.GeoType.CONVEX_MESH)
 
 
-class Drawn:
+class VisibilityState:
     """What of a model can be chosen.
 
     Args:
@@ -35,7 +35,7 @@ class Drawn:
         self._particles = bool(model.particle_count)
         worlds = [model.shape_world] * bool(model.shape_count) + [model.particle_world] * bool(model.particle_count)
         self._shared = any((rows.numpy() < 0).any() for rows in worlds) or any(mesh.world < 0 for mesh in visuals)
-        self.usual = Choice(
+        self.usual = NewtonOptions(
             simulated=simulated,
             visual=visual,
             smooth=False,
@@ -45,7 +45,7 @@ class Drawn:
             textures=textures,
         )
 
-    def choice(self, config: Any, triplanar: bool) -> Choice:
+    def choice(self, config: Any, triplanar: bool) -> NewtonOptions:
         """What a RenderConfig of Newton's says.
 
         Args:

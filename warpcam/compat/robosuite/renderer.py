@@ -16,13 +16,13 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from warpcam.compat.mujoco.frame_renderer import Studio, depth_buffer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer, depth_buffer, view_of
 from warpcam.compat.mujoco.options import style_of
-from warpcam.compat.mujoco.user_geoms import Own
+from warpcam.compat.mujoco.user_geoms import UserGeoms
 from warpcam.compat.robosuite import shims
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.mujoco.mjv_geoms import Decor
+from warpcam.sources.mujoco.mjv_geoms import MjvGeoms
 
 __all__ = ["OffscreenContext", "install", "observables", "uninstall"]
 
@@ -96,7 +96,7 @@ class OffscreenContext:
         limits = sim.model.vis.global_
         self.con = SimpleNamespace(offWidth=limits.offwidth, offHeight=limits.offheight, free=_nothing)
         self.gl_ctx = SimpleNamespace(make_current=_nothing, free=_nothing)
-        self._own = Own(sim.model._model, self.scn)
+        self._own = UserGeoms(sim.model._model, self.scn)
         self._drawn: tuple[int, int, bool] | None = None
 
     def update_offscreen_size(self, width: int, height: int) -> None:
@@ -121,7 +121,7 @@ class OffscreenContext:
         if self.cam.type == int(mujoco.mjtCamera.mjCAMERA_FIXED) and not 0 <= self.cam.fixedcamid < model.ncam:
             raise WarpcamError(f"camera_id {self.cam.fixedcamid} came; the model has cameras 0 to {model.ncam - 1}")
         mujoco.mjv_updateScene(model, data, self.vopt, self.pert, self.cam, everything, self.scn)
-        self._own = Own(model, self.scn)
+        self._own = UserGeoms(model, self.scn)
         self._pictures.take(data)
         self._drawn = (width, height, segmentation)
 
@@ -146,8 +146,8 @@ class OffscreenContext:
         wanted = ["objects" if segmentation else "rgb", *(["depth"] if depth else [])]
         style = style_of(self.model._model, self.vopt, self.scn.flags)
         camera, through = (self.cam.type, self.cam.fixedcamid), not (depth and segmentation)
-        style, decor = self._own.drawn(view, height, style, solid=segmentation)
-        images = self._pictures.look(camera, view, style, width, height, wanted, through, decor)
+        style, mjv_geoms = self._own.drawn(view, height, style, solid=segmentation)
+        images = self._pictures.look(camera, view, style, width, height, wanted, through, mjv_geoms)
         image = images[wanted[0]]
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])
         if not depth:
@@ -170,15 +170,15 @@ class _Pictures:
     """Images of one model: of each camera one trace a state, and of that the images that somebody has asked for."""
 
     def __init__(self, model: mujoco.MjModel, device: wp.Device):
-        self._studio = Studio(model, device)
+        self._frame_renderer = FrameRenderer(model, device)
         self._asked: dict[Any, list[str]] = {}
         self._images: dict[Any, dict[str, np.ndarray]] = {}
         self._state = b""
 
     def take(self, data: mujoco.MjData) -> None:
-        state = self._studio.content(data)
+        state = self._frame_renderer.content(data)
         if state != self._state:
-            self._studio.take(data)
+            self._frame_renderer.take(data)
             self._state = state
             self._images.clear()
 
@@ -191,21 +191,25 @@ class _Pictures:
         height: int,
         outputs: Sequence[str],
         through: bool = True,
-        decor: Decor | None = None,
+        mjv_geoms: MjvGeoms | None = None,
     ) -> dict[str, np.ndarray]:
-        if decor is not None:  # which is another each time
-            return self._studio.look(view, style, width, height, outputs, DRAWN, through=through, decor=decor)
+        if mjv_geoms is not None:  # which is another each time
+            return self._frame_renderer.look(
+                view, style, width, height, outputs, DRAWN, through=through, mjv_geoms=mjv_geoms
+            )
         key = (camera, style, width, height, through)
         asked = self._asked.setdefault(key, [])
         asked.extend(name for name in outputs if name not in asked)
         place = (*key, view.content())
         images = self._images.get(place, {})
         if not all(name in images for name in outputs):
-            images = self._images[place] = self._studio.look(view, style, width, height, asked, DRAWN, through=through)
+            images = self._images[place] = self._frame_renderer.look(
+                view, style, width, height, asked, DRAWN, through=through
+            )
         return images
 
     def reload(self) -> None:
-        self._studio.reload()
+        self._frame_renderer.reload()
         self._images.clear()
 
 

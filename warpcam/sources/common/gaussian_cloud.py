@@ -5,35 +5,35 @@ from typing import Any
 
 import numpy as np
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.kernels.types import SPLATS
-from warpcam.sources.common.geometry import SAME, Fitted, polar
+from warpcam.sources.common.geometry import SAME, RenderShape, polar
 
 BASE = 0.28209479177387814  # the spherical harmonic of degree 0, 1 / (2 sqrt(pi))
 # Where Gaussians of files end, which say nothing of it: as in "3D Gaussian Ray Tracing", three standard deviations.
-LEAST_RESPONSE = 0.0113
+MIN_RESPONSE = 0.0113
 PLY_FIELDS = ("opacity", *(f"scale_{k}" for k in range(3)), *(f"rot_{k}" for k in range(4)))
 
 
-class CloudForm:
+class CloudGeometry:
     """A cloud under linear maps: stretched along its axes by the shape's size, baked under others."""
 
-    def __init__(self, cloud: Cloud):
+    def __init__(self, cloud: GaussianCloud):
         self.name, self.cloud = cloud.name, cloud
-        self._baked: dict[bytes, Cloud] = {}
+        self._baked: dict[bytes, GaussianCloud] = {}
 
-    def fitted(self, linear: np.ndarray) -> Fitted | None:
+    def transformed(self, linear: np.ndarray) -> RenderShape | None:
         if np.linalg.matrix_rank(linear) < 3:
             return None
         rotation, stretch = polar(linear)
         along = np.diag(stretch)
         if np.abs(stretch - np.diag(along)).max() <= SAME * np.abs(stretch).max():
-            return Fitted(SPLATS, rotation, along, cloud=self.cloud)
+            return RenderShape(SPLATS, rotation, along, cloud=self.cloud)
         scale = np.abs(stretch).max()
         key = (np.rint(np.append(stretch / scale, np.log(scale)) / SAME) + 0.0).tobytes()
         if key not in self._baked:
             self._baked[key] = _stretched(self.cloud, stretch)
-        return Fitted(SPLATS, rotation, np.ones(3), cloud=self._baked[key])
+        return RenderShape(SPLATS, rotation, np.ones(3), cloud=self._baked[key])
 
 
 def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
@@ -45,7 +45,7 @@ def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
     return colors.astype(np.float32)
 
 
-def cloud_of_ply(name: str, vertices: Any) -> Cloud | None:
+def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
     """The cloud in the vertices of a PLY file, as training of splats writes it; None if it is none.
 
     They are a structured array, or columns by name where the file is text. Scales are logarithms and opacities logits.
@@ -58,18 +58,18 @@ def cloud_of_ply(name: str, vertices: Any) -> Cloud | None:
         return np.stack([np.asarray(vertices[field], np.float64).reshape(-1) for field in fields], axis=1)
 
     with np.errstate(over="ignore"):
-        return Cloud(
+        return GaussianCloud(
             name=name,
             positions=columns("x", "y", "z").astype(np.float32),
             rotations=columns(*PLY_FIELDS[4:]).astype(np.float32),
             scales=np.exp(columns(*PLY_FIELDS[1:4])).astype(np.float32),
             opacities=(1.0 / (1.0 + np.exp(-columns("opacity")[:, 0]))).astype(np.float32),
             colors=display_colors(columns("f_dc_0", "f_dc_1", "f_dc_2")),
-            least_response=LEAST_RESPONSE,
+            least_response=MIN_RESPONSE,
         )
 
 
-def _stretched(cloud: Cloud, stretch: np.ndarray) -> Cloud:
+def _stretched(cloud: GaussianCloud, stretch: np.ndarray) -> GaussianCloud:
     """Every Gaussian under a symmetric map of its own: its covariance, and new axes for it."""
     w, x, y, z = (cloud.rotations / np.linalg.norm(cloud.rotations, axis=1, keepdims=True)).astype(np.float64).T
     axes = np.array(

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.meshes import Mesh
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, ELLIPSOID, MESH, PLANE, SPHERE
 from warpcam.sources.common import tessellate
@@ -19,7 +19,7 @@ SAME = 1e-6  # stretches that differ by less, relatively, are one
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class RenderShape:
     """A shape for the kernels.
 
     Attributes:
@@ -34,15 +34,15 @@ class Fitted:
     rotation: np.ndarray
     size: np.ndarray
     mesh: Mesh | None = None
-    cloud: Cloud | None = None
+    cloud: GaussianCloud | None = None
 
 
-class Form(Protocol):
+class Geometry(Protocol):
     """Geometry in its own frame."""
 
     name: str
 
-    def fitted(self, linear: np.ndarray) -> Fitted | None:
+    def transformed(self, linear: np.ndarray) -> RenderShape | None:
         """The shape under a linear map, (3, 3); None if nothing is left of it."""
 
 
@@ -55,7 +55,7 @@ def polar(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rotation, stretch
 
 
-class Surface:
+class MeshGeometry:
     """A triangle mesh.
 
     Attributes:
@@ -86,11 +86,11 @@ class Surface:
             self.uvs = None if uvs is None else np.concatenate((uvs, uvs[:, back]))
         self._baked: dict[bytes, tuple[Mesh, np.ndarray]] = {}
 
-    def fitted(self, linear: np.ndarray) -> Fitted | None:
+    def transformed(self, linear: np.ndarray) -> RenderShape | None:
         if np.linalg.matrix_rank(linear) < 2:
             return None
         rotation, stretch = polar(linear)
-        return Fitted(MESH, rotation, np.zeros(3), self._bake(stretch))
+        return RenderShape(MESH, rotation, np.zeros(3), self._bake(stretch))
 
     def now(self) -> Iterator[tuple[Mesh, np.ndarray]]:
         """What has been baked, and where its vertices are now, (vertex, 3) float32."""
@@ -125,7 +125,7 @@ class Surface:
         return self._baked[key][0]
 
 
-class Solid:
+class Primitive:
     """A shape that the kernels have, as long as the map lets it be one.
 
     Attributes:
@@ -138,41 +138,41 @@ class Solid:
         self.name, self.type = name, kind
         self.size = np.array((*size, 0.0, 0.0, 0.0)[:3], np.float64)
         self.turn = np.eye(3) if turn is None else turn
-        self._mesh: tuple[bytes, Surface] | None = None
+        self._mesh: tuple[bytes, MeshGeometry] | None = None
 
-    def fitted(self, linear: np.ndarray) -> Fitted | None:
+    def transformed(self, linear: np.ndarray) -> RenderShape | None:
         if np.linalg.matrix_rank(linear) < 3 or not (self.size[: NEEDED.get(self.type, 0)] > 0.0).all():
             return None
         linear = linear @ self.turn
         if self.type == SPHERE:
             u, sizes, vt = np.linalg.svd(linear)
             if np.ptp(sizes) <= SAME * sizes[0]:
-                return Fitted(SPHERE, _proper(u @ vt), self.size * sizes[0])
+                return RenderShape(SPHERE, _proper(u @ vt), self.size * sizes[0])
             # The axes in the order and sense in which they were, as far as that can be told.
             rotation, stretch = polar(linear)
             if _is_diagonal(stretch):
-                return Fitted(ELLIPSOID, rotation, self.size[0] * np.abs(np.diag(stretch)))
-            return Fitted(ELLIPSOID, _proper(u), self.size[0] * sizes)
+                return RenderShape(ELLIPSOID, rotation, self.size[0] * np.abs(np.diag(stretch)))
+            return RenderShape(ELLIPSOID, _proper(u), self.size[0] * sizes)
         rotation, stretch = polar(linear)
         if _is_diagonal(stretch):
             along = np.abs(np.diag(stretch))
             round_ = abs(along[0] - along[1]) <= SAME * along[0]
             if self.type == BOX:
-                return Fitted(BOX, rotation, self.size * along)
+                return RenderShape(BOX, rotation, self.size * along)
             # What is not its own mirror image looks along the other way.
             turn = rotation if np.linalg.det(stretch) > 0.0 else rotation @ np.diag((-1.0, 1.0, -1.0))
             if self.type == PLANE:
-                return Fitted(PLANE, turn, self.size * (along[0], along[1], 0.0))
+                return RenderShape(PLANE, turn, self.size * (along[0], along[1], 0.0))
             if self.type in (CYLINDER, CONE) and round_:
-                return Fitted(self.type, turn, self.size * (along[0], along[2], 0.0))
+                return RenderShape(self.type, turn, self.size * (along[0], along[2], 0.0))
             if self.type == CAPSULE and round_ and abs(along[0] - along[2]) <= SAME * along[0]:
-                return Fitted(CAPSULE, rotation, self.size * along[0])
-        return self._as_surface().fitted(linear)
+                return RenderShape(CAPSULE, rotation, self.size * along[0])
+        return self._as_surface().transformed(linear)
 
-    def _as_surface(self) -> Surface:
+    def _as_surface(self) -> MeshGeometry:
         key = self.size.tobytes()
         if self._mesh is None or self._mesh[0] != key:
-            self._mesh = key, _cut(self.name, self.type, self.size)
+            self._mesh = key, _tessellated(self.name, self.type, self.size)
         return self._mesh[1]
 
 
@@ -186,17 +186,17 @@ def unit(vectors: np.ndarray) -> np.ndarray:
     return np.where(usable, vectors / np.where(usable, length, 1.0), (0.0, 0.0, 1.0))
 
 
-def _cut(name: str, kind: int, size: np.ndarray) -> Surface:
+def _tessellated(name: str, kind: int, size: np.ndarray) -> MeshGeometry:
     if kind == BOX:
-        return Surface(name, *tessellate.box(size))
+        return MeshGeometry(name, *tessellate.box(size))
     if kind == CYLINDER:
-        return Surface(name, *tessellate.cylinder(size[0], size[0], size[1]))
+        return MeshGeometry(name, *tessellate.cylinder(size[0], size[0], size[1]))
     if kind == CONE:
-        return Surface(name, *tessellate.cone(size[0], size[1]))
+        return MeshGeometry(name, *tessellate.cone(size[0], size[1]))
     if kind == CAPSULE:
-        return Surface(name, *tessellate.capsule(size[0], size[0], size[1]))
+        return MeshGeometry(name, *tessellate.capsule(size[0], size[0], size[1]))
     far = np.where(size[:2] > 0.0, size[:2], tessellate.FAR)
-    return Surface(name, *tessellate.rectangle(far[0], far[1]))
+    return MeshGeometry(name, *tessellate.rectangle(far[0], far[1]))
 
 
 def _is_diagonal(stretch: np.ndarray) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from warpcam.accel.meshes import Mesh
 from warpcam.kernels import types
 from warpcam.sources.common.images import LINEAR
-from warpcam.sources.common.scene_graph import Lamp, Look
+from warpcam.sources.common.scene_graph import LightNode, Material
 
 UNSET = (0.5, 0.5, 0.5, 1.0)  # a material's colour: shapes carry their own, but for this one which is read from here
 BARE = (0.18, 0.18, 0.18)  # of a shape that says nothing of its colour, linear
@@ -41,7 +41,7 @@ def encoded(linear: np.ndarray | Sequence[float]) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Material:
+class MaterialRow:
     """One row of the kernels' materials."""
 
     roughness: float
@@ -51,20 +51,22 @@ class Material:
     textures: tuple[int, ...]  # by their roles
 
 
-def material_of(look: Look) -> Material:
+def material_of(look: Material) -> MaterialRow:
     textures = [-1] * types.NUM_ROLES
     textures[types.ROLE_COLOR], textures[types.ROLE_NORMAL] = look.texture, look.normals
-    textures[types.ROLE_PACKED], textures[types.ROLE_EMISSION] = look.packed, look.glow
+    textures[types.ROLE_PACKED], textures[types.ROLE_EMISSION] = look.packed, look.emission_texture
     if look.cutoff <= 0.0:  # what is cut out is no matter of shading
         textures[types.ROLE_OPACITY] = look.opacity_map
     roughness, metallic, reflectance = (
         float(np.clip(value, 0.0, 1.0)) for value in (look.roughness, look.metallic, look.reflectance)
     )
     red, green, blue = (max(float(value), 0.0) for value in look.emission)
-    return Material(roughness, metallic, reflectance, (red, green, blue), tuple(textures))
+    return MaterialRow(roughness, metallic, reflectance, (red, green, blue), tuple(textures))
 
 
-def color_of(look: Look | None, color: tuple[float, float, float, float] | None) -> tuple[float, float, float, float]:
+def color_of(
+    look: Material | None, color: tuple[float, float, float, float] | None
+) -> tuple[float, float, float, float]:
     """Display colour of a shape."""
     if look is not None and color is None:
         color = (*look.color, look.opacity)
@@ -73,20 +75,20 @@ def color_of(look: Look | None, color: tuple[float, float, float, float] | None)
     return red, green, blue, float(alpha)
 
 
-def opacity(look: Look | None, color: tuple[float, float, float, float] | None) -> float:
+def opacity(look: Material | None, color: tuple[float, float, float, float] | None) -> float:
     """Of a whole shape; what a map says is somewhere between."""
     alpha = color_of(look, color)[3]
     return 0.5 if look is not None and look.opacity_map >= 0 and look.cutoff <= 0.0 and alpha > 0.0 else alpha
 
 
-def masked(mesh: Mesh, look: Look | None) -> Mesh:
+def masked(mesh: Mesh, look: Material | None) -> Mesh:
     """A mesh that is only there where the map of its opacity says so."""
     if look is None or look.opacity_map < 0 or mesh.uvs is None:
         return mesh
     return replace(mesh, mask=look.opacity_map, least=max(look.cutoff, MIN_CUT) if look.cutoff > 0.0 else SEEN)
 
 
-def arriving(lamp: Lamp, place: np.ndarray, middle: np.ndarray) -> float:
+def irradiance_at(lamp: LightNode, place: np.ndarray, middle: np.ndarray) -> float:
     """What a light at ``place`` sends to the middle of a scene, if that faces it; (3,) each [m]."""
     if not lamp.active:
         return 0.0
@@ -95,7 +97,7 @@ def arriving(lamp: Lamp, place: np.ndarray, middle: np.ndarray) -> float:
     return light if 0.0 < light < np.inf else 0.0
 
 
-def light_rows(lamps: Sequence[Lamp], gain: float) -> dict[str, np.ndarray]:
+def light_rows(lamps: Sequence[LightNode], gain: float) -> dict[str, np.ndarray]:
     """Rows of the kernels' lights by field, domes among them dark; all light is multiplied by ``gain``."""
     strengths = gain * np.array([lamp.strength for lamp in lamps], np.float64).reshape(-1, 3)
     on = np.array([lamp.active and lamp.kind != "dome" for lamp in lamps], bool)
@@ -118,7 +120,7 @@ def light_rows(lamps: Sequence[Lamp], gain: float) -> dict[str, np.ndarray]:
     }
 
 
-def sky_rows(lamps: Sequence[Lamp], gain: float) -> np.ndarray:
+def sky_rows(lamps: Sequence[LightNode], gain: float) -> np.ndarray:
     """All domes together, (SKY_TERMS + 1, 3): see native/shading/environment.h."""
     rows = np.zeros((types.SKY_TERMS + 1, 3))
     for lamp in lamps:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 
 
 def opacity_of(values: np.ndarray | None, factor: float, cutoff: float) -> tuple[float, np.ndarray | None]:
@@ -22,6 +22,6 @@ def opacity_of(values: np.ndarray | None, factor: float, cutoff: float) -> tuple
     low, high = float(values.min()), float(values.max())
     if cutoff > 0.0 and (low >= cutoff or high < cutoff):
         return float(low >= cutoff), None
-    if cutoff <= 0.0 and (low >= SOLID or high - low < 1.0 / 255.0):
-        return (1.0 if low >= SOLID else low), None
+    if cutoff <= 0.0 and (low >= OPAQUE_ABOVE or high - low < 1.0 / 255.0):
+        return (1.0 if low >= OPAQUE_ABOVE else low), None
     return 1.0, np.rint(255.0 * values).astype(np.uint8)[..., None]

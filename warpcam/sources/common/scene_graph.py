@@ -1,4 +1,4 @@
-"""A scene as a file tells it: a tree of frames, and what hangs on it. Readers make it, ``scene_graph_source.py`` renders it.
+"""A scene as a file tells it: a tree of frames and what hangs on it. Readers make it for ``scene_graph_source.py``.
 
 Everything is in the file's own units and axes but for what the root's frame does to it: below it are metres.
 """
@@ -11,12 +11,12 @@ import numpy as np
 from warpcam.camera.lens import Projection
 from warpcam.scene.source import SceneCamera
 from warpcam.scene.validation import check_semantics
-from warpcam.sources.common.geometry import Form
+from warpcam.sources.common.geometry import Geometry
 from warpcam.textures.pack import TextureImage
 
 
 @dataclass(eq=False)
-class Node:
+class FrameNode:
     """A frame.
 
     Attributes:
@@ -43,26 +43,26 @@ class Node:
 
 
 @dataclass(eq=False)
-class Item:
+class ShapeInstance:
     """A shape.
 
     Attributes:
         name: Its path; unique.
         node: Its frame.
-        form: Its geometry there; things that look alike share it.
-        look: Index of its look, or -1.
+        geometry: Its geometry there; things that look alike share it.
+        material: Index of its look, or -1.
         color: RGBA, linear; None for its look's.
     """
 
     name: str
     node: int
-    form: Form
-    look: int = -1
+    geometry: Geometry
+    material: int = -1
     color: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class Material:
     """A metallic-roughness material. Colours are linear.
 
     Attributes:
@@ -76,7 +76,7 @@ class Look:
         texture: Index of the image of its colour, or -1.
         normals: Index of the map of its normals, or -1; see ``kernels/types.py``, ROLE_NORMAL.
         packed: Index of the map of occlusion, roughness and metalness, or -1; ROLE_PACKED.
-        glow: Index of the image of what it emits, or -1.
+        emission_texture: Index of the image of what it emits, or -1.
         opacity_map: Index of the map of its opacity, or -1; ROLE_OPACITY. Only meshes with texture coordinates show it.
         cutoff: What is less opaque is not there, all else is solid; 0 for none.
         wrap: Of the textures, along u and v.
@@ -92,7 +92,7 @@ class Look:
     texture: int = -1
     normals: int = -1
     packed: int = -1
-    glow: int = -1
+    emission_texture: int = -1
     opacity_map: int = -1
     cutoff: float = 0.0
     wrap: tuple[str, str] = ("repeat", "repeat")
@@ -100,11 +100,11 @@ class Look:
     @property
     def maps(self) -> tuple[int, ...]:
         """Beside that of its colour."""
-        return self.normals, self.packed, self.glow, self.opacity_map
+        return self.normals, self.packed, self.emission_texture, self.opacity_map
 
 
 @dataclass(frozen=True, eq=False)
-class Lamp:
+class LightNode:
     """A light. It shines along its frame's -z.
 
     Attributes:
@@ -147,7 +147,7 @@ class Lamp:
 
 
 @dataclass(frozen=True, eq=False)
-class Eye:
+class CameraNode:
     """A camera, looking along its frame's -z.
 
     Attributes:
@@ -171,17 +171,17 @@ class Eye:
 
 
 @dataclass(eq=False)
-class Graph:
+class SceneGraph:
     """All of a file."""
 
     source: str  # for messages
-    nodes: list[Node]
-    items: list[Item] = field(default_factory=list)
-    looks: list[Look] = field(default_factory=list)
+    nodes: list[FrameNode]
+    items: list[ShapeInstance] = field(default_factory=list)
+    materials: list[Material] = field(default_factory=list)
     textures: list[TextureImage] = field(default_factory=list)
     texture_names: list[str] = field(default_factory=list)
-    lamps: list[Lamp] = field(default_factory=list)
-    eyes: list[Eye] = field(default_factory=list)
+    lights: list[LightNode] = field(default_factory=list)
+    cameras: list[CameraNode] = field(default_factory=list)
     instances: list[str] = field(default_factory=list)
     skybox: int = -1
     at_time: Callable[[float], None] | None = None  # brings all of it to a time of the file
@@ -233,12 +233,12 @@ class Graph:
         return check_semantics(labels)
 
 
-def middle_of(items: Sequence[Item], worlds: np.ndarray) -> np.ndarray:
+def middle_of(items: Sequence[ShapeInstance], worlds: np.ndarray) -> np.ndarray:
     """Of where things stand, endless ones aside, (3,) [m]; ``worlds`` are the nodes' frames, (node, 4, 4)."""
     corners = [np.zeros((0, 3))]
     for item in items:
         matrix = worlds[item.node]
-        fit = item.form.fitted(matrix[:3, :3]) if np.isfinite(matrix).all() else None
+        fit = item.geometry.transformed(matrix[:3, :3]) if np.isfinite(matrix).all() else None
         if fit is not None and fit.mesh is not None:
             vertices = fit.mesh.vertices
             box = np.stack((vertices.min(axis=0), vertices.max(axis=0)))

@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.meshes import Mesh
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
 from warpcam.kernels.update import poses as pose_kernels
-from warpcam.kernels.update.refit import Tree
-from warpcam.scene.layers import veils_alone
-from warpcam.scene.source import Parts, fields_of
+from warpcam.kernels.update.refit import DeformingTree
+from warpcam.scene.layers import transparent_layers
+from warpcam.scene.source import SceneDescription, live_arrays_of
 from warpcam.sources.common import materials
-from warpcam.sources.common.geometry import Fitted, Surface, polar
-from warpcam.sources.common.scene_graph import Graph, Item, Lamp, Look, middle_of
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.geometry import MeshGeometry, RenderShape, polar
+from warpcam.sources.common.scene_graph import LightNode, Material, SceneGraph, ShapeInstance, middle_of
+from warpcam.sources.common.warnings import WarningCollector
 
 KINDS = ("shape", "body", "light", "camera")
 MAX_LIGHTS = 32  # that are kept; more cannot cast shadows
@@ -28,15 +28,15 @@ MAX_SHINING = 8  # at once: shading/fixed_function.h
 HIDDEN = -1e30  # where nothing is left of a shape for a while [m]
 
 
-class GraphSource:
+class SceneGraphSource:
     """The arrays of a graph. All but poses have one row for all worlds until they are driven."""
 
     live_on_device = True
-    blends = None
+    color_blend = None
 
     def __init__(
         self,
-        graph: Graph,
+        graph: SceneGraph,
         num_worlds: int,
         device: wp.Device,
         labels: Mapping[str, int] | None = None,
@@ -45,11 +45,11 @@ class GraphSource:
     ):
         self.device, self.graph, self.num_worlds = device, graph, num_worlds
         self._gain = None if exposure is None else 2.0**exposure
-        self._notes = Notes(graph.source)
+        self._collector = WarningCollector(graph.source)
         worlds, seen = graph.worlds(), graph.seen()
         self._moving = graph.moving()
         fits = [
-            item.form.fitted(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
+            item.geometry.transformed(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
             for item in graph.items
         ]
         kept = [
@@ -62,7 +62,7 @@ class GraphSource:
             raise WarpcamError(f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible")
         self._meshes: dict[int, int] = {}  # by identity: what has been baked is kept by its form
         meshes: list[Mesh] = []
-        clouds: list[Cloud] = []
+        clouds: list[GaussianCloud] = []
         for place in kept:
             fit = fits[place]
             mesh = fit.mesh if fit is not None else None
@@ -79,14 +79,14 @@ class GraphSource:
         self._lamp_order = self._brightest(worlds, seen)
         self._types = np.array([self._type(graph.items[place], fits[place]) for place in kept], np.int32)
         drawn = np.flatnonzero(self._types != SPLATS).tolist()
-        self.parts = Parts(
+        self.parts = SceneDescription(
             num_worlds=num_worlds,
             shape_types=self._types,
             shape_bodies=np.array([body_of[item.node] for item in self.items], np.int32),
             drawn=drawn,
             bodies=[graph.nodes[index].name for index in self.body_nodes],
-            cameras=[eye.camera() for eye in graph.eyes],
-            num_materials=len(graph.looks),
+            cameras=[eye.camera() for eye in graph.cameras],
+            num_materials=len(graph.materials),
             num_lights=len(self._lamp_order),
             meshes=meshes,
             height_fields=[],
@@ -96,8 +96,8 @@ class GraphSource:
             shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
             physical=True,
-            maps=any(index >= 0 for look in graph.looks for index in look.maps),
-            layers=veils_alone(
+            maps=any(index >= 0 for look in graph.materials for index in look.maps),
+            layers=transparent_layers(
                 self._types,
                 drawn,
                 np.array([[materials.opacity(self._look(item), item.color) for item in self.items]]),
@@ -113,19 +113,19 @@ class GraphSource:
         self._moved: dict[int, tuple[wp.array, Sequence[Stage]]] = {}
         self._make_arrays()
         self._fill(worlds, seen)
-        self._notes.say()
+        self._collector.say()
 
     # The protocol.
 
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
-    def holds(self, field: str) -> bool:
+    def user_owned(self, field: str) -> bool:
         if field == "material_texture":
             self.make_room("textures")
         return field == "material_texture"
 
-    def label(self, field: str) -> str:
+    def user_name(self, field: str) -> str:
         return f"{self.graph.source}: {field}"
 
     def global_ambient(self) -> float:
@@ -203,18 +203,18 @@ class GraphSource:
         self.graph.at_time(time)
         self._fill(self.graph.worlds(), self.graph.seen())
         self._move_surfaces()
-        self._notes.say()
+        self._collector.say()
 
     # How the arrays are made.
 
-    def _type(self, item: Any, fit: Fitted | None) -> int:
+    def _type(self, item: Any, fit: RenderShape | None) -> int:
         if fit is not None:
             return fit.type
-        upright = item.form.fitted(np.eye(3))
+        upright = item.geometry.transformed(np.eye(3))
         return upright.type if upright is not None else MESH
 
-    def _look(self, item: Item) -> Look | None:
-        return self.graph.looks[item.look] if item.look >= 0 else None
+    def _look(self, item: ShapeInstance) -> Material | None:
+        return self.graph.materials[item.material] if item.material >= 0 else None
 
     def _label(self, node: int) -> int:
         return next((self.labels[label] for label in self.graph.nodes[node].labels if label in self.labels), 0)
@@ -222,10 +222,10 @@ class GraphSource:
     def _make_arrays(self) -> None:
         counts = {
             "shapes": len(self.items),
-            "materials": len(self.graph.looks),
+            "materials": len(self.graph.materials),
             "lights": len(self._lamp_order),
             "bodies": len(self.body_nodes),
-            "cameras": len(self.graph.eyes),
+            "cameras": len(self.graph.cameras),
             "terms of the sky": SKY_TERMS + 1,
         }
         self._arrays = arrays = {
@@ -234,18 +234,18 @@ class GraphSource:
                 dtype=field.dtype,
                 device=self.device,
             )
-            for name, field in fields_of(self.parts).items()
+            for name, field in live_arrays_of(self.parts).items()
         }
-        headlight = np.zeros((3, 3)) if self.graph.lamps else np.array(materials.HEADLIGHT)
+        headlight = np.zeros((3, 3)) if self.graph.lights else np.array(materials.HEADLIGHT)
         arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
-        described = [materials.material_of(look) for look in self.graph.looks]
+        described = [materials.material_of(look) for look in self.graph.materials]
         self._put("material_color", [materials.UNSET] * len(described))
         for name in ("roughness", "metallic", "reflectance", "emissive"):
             self._put(f"material_{name}", [getattr(material, name) for material in described])
         roles = arrays["material_texture"].shape[2]
         self._put("material_texture", [material.textures[:roles] for material in described])
         self._put("material_texture_repeat", [(1.0, 1.0)] * len(described))
-        self._put("shape_materials", [item.look for item in self.items])
+        self._put("shape_materials", [item.material for item in self.items])
         colors = [materials.color_of(self._look(item), item.color) for item in self.items]
         self._own = {
             "colors": wp.array(np.array([colors], np.float32), dtype=wp.vec4, device=self.device),
@@ -263,15 +263,17 @@ class GraphSource:
 
     def _move_surfaces(self) -> None:
         """Bring the meshes whose points change with time to where they are now, with their trees."""
-        for form in {id(item.form): item.form for item in self.items}.values():
-            for mesh, points in form.now() if isinstance(form, Surface) and form.moves else ():
+        for form in {id(item.geometry): item.geometry for item in self.items}.values():
+            for mesh, points in form.now() if isinstance(form, MeshGeometry) and form.moves else ():
                 index = self._meshes.get(id(mesh))
                 if index is None:
                     continue
                 if index not in self._moved:
                     array = wp.array(points, dtype=wp.vec3, device=self.device)
                     assets, bases = np.array([index]), np.zeros(1, np.int64)
-                    tree = Tree(self._packed, assets, bases, mesh.fronts, self.device, two_sided=mesh.two_sided)
+                    tree = DeformingTree(
+                        self._packed, assets, bases, mesh.fronts, self.device, two_sided=mesh.two_sided
+                    )
                     self._moved[index] = array, tree.record(array)
                 array, stages = self._moved[index]
                 array.assign(points)
@@ -288,7 +290,7 @@ class GraphSource:
     def _fill(self, worlds: np.ndarray, seen: np.ndarray) -> None:
         """Write all that may change with time."""
         fits = [
-            item.form.fitted(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
+            item.geometry.transformed(worlds[item.node, :3, :3]) if np.isfinite(worlds[item.node]).all() else None
             for item in self.items
         ]
         sizes, assets, hidden = np.zeros((len(fits), 3)), np.full(len(fits), -1), np.zeros(len(fits), bool)
@@ -299,7 +301,9 @@ class GraphSource:
                 continue
             asset = fit.mesh if fit.cloud is None else fit.cloud
             if fit.type != self._types[place] or (asset is not None and id(asset) not in self._meshes):
-                self._notes.warn("changes its stretch with time, and is drawn with the one it had at first", item.name)
+                self._collector.warn(
+                    "changes its stretch with time, and is drawn with the one it had at first", item.name
+                )
                 fit = self._as_before(place, fit)
             self._turns[place] = fit.rotation
             sizes[place] = fit.size
@@ -320,31 +324,33 @@ class GraphSource:
         self._place_followers(worlds)
         self._follow(KINDS)
         self._light(seen)
-        cameras = self.graph.eyes
+        cameras = self.graph.cameras
         self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
 
-    def _as_before(self, place: int, fit: Fitted) -> Fitted:
+    def _as_before(self, place: int, fit: RenderShape) -> RenderShape:
         size = self._first[0][place] if self._first is not None else np.zeros(3)
-        return Fitted(int(self._types[place]), fit.rotation, size)
+        return RenderShape(int(self._types[place]), fit.rotation, size)
 
     def _brightest(self, worlds: np.ndarray, seen: np.ndarray) -> list[int]:
         """The lights that there is room for, those before others that light the middle of the scene more."""
-        lamps = self._lit(range(len(self.graph.lamps)), seen)
+        lamps = self._lit(range(len(self.graph.lights)), seen)
         middle = middle_of(self.items, worlds)
-        arriving = [materials.arriving(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
+        arriving = [materials.irradiance_at(lamp, worlds[lamp.node, :3, 3], middle) for lamp in lamps]
         order = sorted(range(len(lamps)), key=lambda place: -arriving[place])
         local = [place for place in order if lamps[place].kind != "dome"]
         shining = sum(arriving[place] > 0.0 for place in local)
         if shining > MAX_SHINING:
-            self._notes.warn(f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine")
+            self._collector.warn(
+                f"has {shining} lights, of which the {MAX_SHINING} that give the most light here shine"
+            )
         if self._gain is None:  # once: lights that are dimmed later are to be seen dimmer
             total = sum(arriving) - sum(arriving[place] for place in local[MAX_SHINING:])
             self._gain = 1.0 / total if 0.0 < total < np.inf else 1.0
         return order[:MAX_LIGHTS]
 
-    def _lit(self, order: Sequence[int], seen: np.ndarray) -> list[Lamp]:
+    def _lit(self, order: Sequence[int], seen: np.ndarray) -> list[LightNode]:
         """Lights as they are, those off that are not visible."""
-        lamps = [self.graph.lamps[place] for place in order]
+        lamps = [self.graph.lights[place] for place in order]
         return [replace(lamp, active=bool(lamp.active and seen[lamp.node])) for lamp in lamps]
 
     def _light(self, seen: np.ndarray) -> None:
@@ -360,12 +366,12 @@ class GraphSource:
         for index, node in enumerate(graph.nodes):
             above = -1 if node.resets else node.parent
             driver[index] = index if index in self._driven else driver[above] if above >= 0 else -1
-        lamps = [graph.lamps[place] for place in self._lamp_order]
+        lamps = [graph.lights[place] for place in self._lamp_order]
         things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
             "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
             "body": [(node, worlds[node], None) for node in self.body_nodes],
             "light": [(lamp.node, worlds[lamp.node], None) for lamp in lamps],
-            "camera": [(eye.node, worlds[eye.node], None) for eye in graph.eyes],
+            "camera": [(eye.node, worlds[eye.node], None) for eye in graph.cameras],
         }
         self._driven_kinds = []
         for kind, rows in things.items():
@@ -381,7 +387,7 @@ class GraphSource:
                 positions[place], rotations[place] = position, rotation
             if any(column >= 0 for column in drivers):
                 self._driven_kinds.append(kind)
-            followers = self._followers.setdefault(kind, pose_kernels.Followers())
+            followers = self._followers.setdefault(kind, pose_kernels.AttachedPoses())
             followers.drivers = wp.array(np.array(drivers, np.int32), dtype=wp.int32, device=self.device)
             followers.positions = wp.array(positions.astype(np.float32), dtype=wp.vec3, device=self.device)
             followers.rotations = wp.array(rotations.astype(np.float32), dtype=wp.mat33, device=self.device)
@@ -391,7 +397,7 @@ class GraphSource:
             out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
             if kind == "light":
                 out.append(self._arrays["light_directions"])
-            kernel = pose_kernels.follow_lights if kind == "light" else pose_kernels.follow
+            kernel = pose_kernels.update_attached_lights if kind == "light" else pose_kernels.update_attached
             if out[0].size:
                 wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)
 

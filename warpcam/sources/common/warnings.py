@@ -6,7 +6,7 @@ from collections.abc import Callable
 FEW = 3  # places that are named
 
 
-class Notes:
+class WarningCollector:
     """Sentences with the places they are about."""
 
     def __init__(self, source: str):

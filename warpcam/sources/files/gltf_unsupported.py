@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.warnings import WarningCollector
 
 MAGIC = b"glTF"
 HEADER = 12  # bytes before the first chunk, and 8 before what that holds
@@ -17,12 +17,12 @@ UNREAD = ("cameras", "lights", "animations", "skins")
 TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
 
 
-def tell(path: Path, notes: Notes) -> None:
+def tell(path: Path, collector: WarningCollector) -> None:
     """Warn of it, by the names of the materials."""
     tree = _tree(path)
     for name in _listed(tree, "extensionsRequired"):
         if name != MOVES and not str(name).startswith(KNOWN):
-            notes.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
+            collector.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
     for place, material in enumerate(_listed(tree, "materials")):
         where = str(material.get("name") or f"material {place}") if isinstance(material, Mapping) else ""
         for texture in _textures(material):
@@ -30,17 +30,19 @@ def tell(path: Path, notes: Notes) -> None:
             moved = extensions.get(MOVES) if isinstance(extensions, Mapping) else None
             moved = moved if isinstance(moved, Mapping) else {}
             if {"offset", "rotation", "scale"} & set(moved):
-                notes.warn("has a texture that KHR_texture_transform moves, and is laid on as if it did not", where)
+                collector.warn("has a texture that KHR_texture_transform moves, and is laid on as if it did not", where)
             if moved.get("texCoord", texture.get("texCoord", 0)):
-                notes.warn("has a texture for other texture coordinates than its first, and is laid on by these", where)
+                collector.warn(
+                    "has a texture for other texture coordinates than its first, and is laid on by these", where
+                )
 
     extensions = tree.get("extensions")
     lit = extensions.get("KHR_lights_punctual") if isinstance(extensions, Mapping) else None
     for kind in UNREAD:
         if _listed(lit if kind == "lights" else tree, kind):
-            notes.warn("has things of glTF that are not read", kind)
+            collector.warn("has things of glTF that are not read", kind)
     if any(_misread(tree)):
-        notes.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
+        collector.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
 
 
 def _misread(tree: Mapping[str, Any]) -> Iterator[bool]:

@@ -15,8 +15,8 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.sources.common import materials
-from warpcam.sources.common.gaussian_cloud import CloudForm, cloud_of_ply
-from warpcam.sources.common.geometry import Form, Surface, unit
+from warpcam.sources.common.gaussian_cloud import CloudGeometry, cloud_of_ply
+from warpcam.sources.common.geometry import Geometry, MeshGeometry, unit
 from warpcam.sources.common.images import (
     ENCODED,
     LINEAR,
@@ -29,9 +29,9 @@ from warpcam.sources.common.images import (
     pixels_of,
 )
 from warpcam.sources.common.opacity import opacity_of
-from warpcam.sources.common.scene_graph import Graph, Item, Look, Node
-from warpcam.sources.common.scene_graph_source import GraphSource
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
+from warpcam.sources.common.scene_graph_source import SceneGraphSource
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.files import gltf_unsupported
 from warpcam.textures.pack import TextureImage
 
@@ -51,11 +51,11 @@ def load(
     transparency: bool | None,
 ) -> DrivenScene:
     images, where = named_images(textures), device_rule.resolve(device)
-    notes = Notes(str(path))
+    collector = WarningCollector(str(path))
     is_gltf = path.suffix.lower() in GLTF
-    with _heard(notes) as heard:
+    with _heard(collector) as heard:
         try:
-            scene = trimesh.load_scene(str(path), process=False, resolver=_Resolver(path, notes))
+            scene = trimesh.load_scene(str(path), process=False, resolver=_Resolver(path, collector))
         except MemoryError:
             raise WarpcamError(f"{path}: does not fit into memory") from None
         except Exception as error:  # whatever a broken file makes a parser raise
@@ -65,47 +65,49 @@ def load(
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
         root[3, 3] = 1.0
-        graph = Graph(str(path), [Node("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
+        graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
         if is_gltf:
-            gltf_unsupported.tell(path, notes)
-        _Reader(scene, graph, is_gltf, notes).read()
+            gltf_unsupported.tell(path, collector)
+        _Reader(scene, graph, is_gltf, collector).read()
     if not graph.items:
-        notes.say()
+        collector.say()
         raise WarpcamError(f"{path}: has no triangles that can be drawn")
     for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)
-    notes.say()
-    return DrivenScene(GraphSource(graph, num_worlds, where, transparency=transparency))
+    collector.say()
+    return DrivenScene(SceneGraphSource(graph, num_worlds, where, transparency=transparency))
 
 
 class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     """Finds what a file names, and tells of what is not there: trimesh goes on without."""
 
-    def __init__(self, path: Path, notes: Notes):
+    def __init__(self, path: Path, collector: WarningCollector):
         super().__init__(str(path), allow_anywhere=True)
-        self._notes = notes
+        self._collector = collector
 
     def get(self, name: str) -> bytes:
         try:
             data: bytes = super().get(name)
         except OSError:
-            self._notes.warn("a file is not found; if it is a texture, its material is drawn in its base colour", name)
+            self._collector.warn(
+                "a file is not found; if it is a texture, its material is drawn in its base colour", name
+            )
             raise
         if Path(name).suffix.lower() in PICTURES:
             try:
                 decoded(data)
             except UnreadableError as error:
                 what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
-                self._notes.warn(what, name)
+                self._collector.warn(what, name)
         return data
 
 
 class _Reader:
-    def __init__(self, scene: Any, graph: Graph, is_gltf: bool, notes: Notes):
-        self._scene, self._graph, self._is_gltf, self._notes = scene, graph, is_gltf, notes
+    def __init__(self, scene: Any, graph: SceneGraph, is_gltf: bool, collector: WarningCollector):
+        self._scene, self._graph, self._is_gltf, self._collector = scene, graph, is_gltf, collector
         self._nodes: dict[Any, int] = {scene.graph.base_frame: 0}
-        self._read: dict[Any, tuple[Form, int, Any] | None] = {}
+        self._read: dict[Any, tuple[Geometry, int, Any] | None] = {}
         self._looks: dict[int, int] = {}
         self._images: dict[tuple[Any, ...], int] = {}
 
@@ -117,7 +119,7 @@ class _Reader:
                 self._read[geometry] = self._geometry(str(geometry), self._scene.geometry[geometry])
             found = self._read[geometry]
             if found is not None:
-                self._graph.items.append(Item(self._graph.nodes[node].name, node, *found))
+                self._graph.items.append(ShapeInstance(self._graph.nodes[node].name, node, *found))
 
     def _node(self, name: Any) -> int:
         line = []
@@ -133,22 +135,22 @@ class _Reader:
             matrix = self._scene.graph.get(child, parent)[0] if parent is not None else np.eye(4)
             path = f"{self._graph.nodes[above].name.rstrip('/')}/{child}"
             if not np.isfinite(matrix).all():
-                self._notes.warn("has a transform that is not finite, and is left out", path)
-            self._graph.nodes.append(Node(path, above, np.asarray(matrix, np.float64), body=True))
+                self._collector.warn("has a transform that is not finite, and is left out", path)
+            self._graph.nodes.append(FrameNode(path, above, np.asarray(matrix, np.float64), body=True))
             above = self._nodes[child] = len(self._graph.nodes) - 1
         return above
 
-    def _geometry(self, name: str, mesh: Any) -> tuple[Form, int, Any] | None:
+    def _geometry(self, name: str, mesh: Any) -> tuple[Geometry, int, Any] | None:
         raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
         cloud = cloud_of_ply(name, raw) if isinstance(mesh, trimesh.PointCloud) else None
         if cloud is not None:
-            return CloudForm(cloud), -1, None
+            return CloudGeometry(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):
-            self._notes.warn(f"is a {type(mesh).__name__}, which is not drawn", name)
+            self._collector.warn(f"is a {type(mesh).__name__}, which is not drawn", name)
             return None
         faces, vertices = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
         if len(faces) == 0:
-            self._notes.warn("is a mesh without faces", name)
+            self._collector.warn("is a mesh without faces", name)
             return None
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise WarpcamError(
@@ -184,38 +186,40 @@ class _Reader:
                 color = (*map(float, LINEAR[shown[0, 0]]), 1.0)
             else:
                 image, uvs = corner_colors(np.ascontiguousarray(shown))
-                self._graph.looks.append(Look(f"{name}/colors", materials.WHITE, texture=self._texture(name, image)))
-                look = len(self._graph.looks) - 1
-        surface = Surface(name, vertices, faces.astype(np.int32), normals, uvs, both)
+                self._graph.materials.append(
+                    Material(f"{name}/colors", materials.WHITE, texture=self._texture(name, image))
+                )
+                look = len(self._graph.materials) - 1
+        surface = MeshGeometry(name, vertices, faces.astype(np.int32), normals, uvs, both)
         return surface, look, color
 
     def _tinted(self, name: str, look: int, tint: np.ndarray, uvs: Any) -> tuple[int, Any]:
         """A look and texture coordinates with colours of corners on top, (face, 3, 3), linear."""
-        base = self._graph.looks[look]
+        base = self._graph.materials[look]
         if np.ptp(tint.reshape(-1, 3), axis=0).max() < 1.0 / 255.0:
             red, green, blue = (float(x) for x in tint[0, 0] * base.color)
-            self._graph.looks.append(replace(base, name=f"{name}/colors", color=(red, green, blue)))
+            self._graph.materials.append(replace(base, name=f"{name}/colors", color=(red, green, blue)))
         elif max(base.texture, *base.maps) >= 0:
-            self._notes.warn("has colours of corners beside textures, and is drawn without them", name)
+            self._collector.warn("has colours of corners beside textures, and is drawn without them", name)
             return look, uvs
         else:
             image, uvs = corner_colors(np.rint(255.0 * materials.encoded(tint)).astype(np.uint8))
-            self._graph.looks.append(replace(base, name=f"{name}/colors", texture=self._texture(name, image)))
-        return len(self._graph.looks) - 1, uvs
+            self._graph.materials.append(replace(base, name=f"{name}/colors", texture=self._texture(name, image)))
+        return len(self._graph.materials) - 1, uvs
 
     def _look(self, material: Any) -> int:
         if id(material) not in self._looks:
-            self._graph.looks.append(self._translated(material))
-            self._looks[id(material)] = len(self._graph.looks) - 1
+            self._graph.materials.append(self._translated(material))
+            self._looks[id(material)] = len(self._graph.materials) - 1
         return self._looks[id(material)]
 
-    def _translated(self, material: Any) -> Look:
-        name = str(getattr(material, "name", None) or f"material {len(self._graph.looks)}")
+    def _translated(self, material: Any) -> Material:
+        name = str(getattr(material, "name", None) or f"material {len(self._graph.materials)}")
         if isinstance(material, trimesh.visual.material.PBRMaterial):
             factor = _factors(material.baseColorFactor)
             metal, rough = material.metallicFactor, material.roughnessFactor
             emission = _factors(material.emissiveFactor, default=0.0)[:3]
-            look = Look(
+            look = Material(
                 name,
                 color=(factor[0], factor[1], factor[2]),
                 roughness=1.0 if rough is None else float(rough),
@@ -224,11 +228,11 @@ class _Reader:
                 texture=self._image(name, "color", material.baseColorTexture),
                 normals=self._image(name, "normals", material.normalTexture),
                 packed=self._image(name, "packed", material.metallicRoughnessTexture, material.occlusionTexture),
-                glow=self._image(name, "emission", material.emissiveTexture),
+                emission_texture=self._image(name, "emission", material.emissiveTexture),
             )
             return self._with_opacity(look, material, factor[3])
         diffuse = LINEAR[np.asarray(material.main_color, np.uint8)[:3]]
-        return Look(
+        return Material(
             name,
             (float(diffuse[0]), float(diffuse[1]), float(diffuse[2])),
             opacity=self._dissolve(name, getattr(material, "kwargs", {})),
@@ -238,19 +242,19 @@ class _Reader:
     def _dissolve(self, name: str, said: Mapping[str, Any]) -> float:
         """The opacity of a material of OBJ, of what its file says beside colours."""
         if "map_d" in said:
-            self._notes.warn("has map_d, which is not drawn", name)
+            self._collector.warn("has map_d, which is not drawn", name)
         if "tr" in said and "d" not in said:  # programs do not agree on what it is
-            self._notes.warn("has Tr without d, which is not drawn", name)
+            self._collector.warn("has Tr without d, which is not drawn", name)
         try:
             opacity = float(said["d"][-1]) if "d" in said else 1.0
         except (TypeError, ValueError, IndexError):
             opacity = np.nan
         if not np.isfinite(opacity):
-            self._notes.warn("has d that is not a finite number, and is solid", name)
+            self._collector.warn("has d that is not a finite number, and is solid", name)
             return 1.0
         return float(np.clip(opacity, 0.0, 1.0))
 
-    def _with_opacity(self, look: Look, material: Any, factor: float) -> Look:
+    def _with_opacity(self, look: Material, material: Any, factor: float) -> Material:
         mode, image, values = material.alphaMode, material.baseColorTexture, None
         if mode not in ("MASK", "BLEND"):
             return look
@@ -274,7 +278,7 @@ class _Reader:
             try:
                 pixels = [None if image is None else pixels_of(image) for image in given]
             except (OSError, ValueError, SyntaxError) as error:
-                self._notes.warn(f"has a texture that cannot be read ({error})", name)
+                self._collector.warn(f"has a texture that cannot be read ({error})", name)
                 self._images[key] = -1
             else:
                 image = pixels[0]
@@ -316,7 +320,7 @@ def _factors(value: Any, default: float = 1.0) -> list[float]:
 
 
 @contextmanager
-def _heard(notes: Notes) -> Iterator[list[str]]:
+def _heard(collector: WarningCollector) -> Iterator[list[str]]:
     """What trimesh logs as a warning is the user's to know: files that are not found, for example."""
     texts: list[str] = []
 
@@ -324,7 +328,7 @@ def _heard(notes: Notes) -> Iterator[list[str]]:
         def emit(self, record: logging.LogRecord) -> None:
             reason = f" ({record.exc_info[1]})" if record.exc_info and record.exc_info[1] else ""
             texts.append(" ".join(record.getMessage().split())[:300] + reason)
-            notes.warn(f"trimesh says: {texts[-1]}")
+            collector.warn(f"trimesh says: {texts[-1]}")
 
     log, ear = logging.getLogger("trimesh"), Ear(logging.WARNING)
     log.addHandler(ear)

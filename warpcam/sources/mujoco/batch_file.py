@@ -22,7 +22,7 @@ DEMO = Path(__file__).parents[2] / "data" / "demo.xml"
 
 
 @dataclass(frozen=True, eq=False)
-class Worlds:
+class MujocoBatch:
     """A host model with its device Model and Data, as mujoco_warp made them."""
 
     host: Any
@@ -30,7 +30,7 @@ class Worlds:
     data: Any
 
 
-def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> Worlds:
+def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> MujocoBatch:
     """Read an MJCF or URDF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
 
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
@@ -49,7 +49,7 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
             mjw.camlight(model, data)
     except NotImplementedError as error:
         raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
-    return Worlds(host, model, data)
+    return MujocoBatch(host, model, data)
 
 
 def read(path: Path) -> tuple[Any, Any]:
@@ -78,7 +78,7 @@ def restart(host: Any, state: Any) -> None:
     mujoco.mj_forward(host, state)
 
 
-def move(put: Worlds, *, seed: int, by: float = 0.1) -> None:
+def move(put: MujocoBatch, *, seed: int, by: float = 0.1) -> None:
     """Take every joint a part of the way to other random positions."""
     import mujoco_warp as mjw
 

@@ -4,11 +4,11 @@ import mujoco
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
-from warpcam.kernels.update.refit import Shading
-from warpcam.kernels.update.skinning import Hull
+from warpcam.kernels.update.refit import FaceShading
+from warpcam.kernels.update.skinning import Shell
 
 
-def flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Hull, Shading]:
+def flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Shell, FaceShading]:
     """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
     dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
     radius = float(mjm.flex_radius[flex])
@@ -17,14 +17,14 @@ def flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[
     vertices = start.flexvert_xpos[vertex : vertex + count]
     name = f"flex {mujoco.mj_id2name(mjm, mujoco.mjtObj.mjOBJ_FLEX, flex) or flex}"
 
-    def shading(count: int) -> Shading:
-        return Shading(num_flat=count, offset=radius) if mjm.flex_flatskin[flex] else Shading(num_smooth=count)
+    def shading(count: int) -> FaceShading:
+        return FaceShading(num_flat=count, offset=radius) if mjm.flex_flatskin[flex] else FaceShading(num_smooth=count)
 
     texture = None
     if mjm.flex_texcoordadr[flex] >= 0:
         texture = mjm.flex_texcoord[mjm.flex_texcoordadr[flex] :]
     if dim == 3:
-        hull = Hull(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
+        hull = Shell(shell, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=False)
         mesh = _mesh(name, vertices + radius * _normals(vertices, shell), shell, texture, shell)
         return mesh, hull, shading(len(shell))
     first, number = int(mjm.flex_elemdataadr[flex]), int(mjm.flex_elemnum[flex])
@@ -43,11 +43,11 @@ def flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[
     corners = np.concatenate((mapped, mapped[:, back], np.stack((a, b, b), axis=1), np.stack((b, a, a), axis=1)))
     normals = radius * _normals(vertices, sheet)
     mesh = _mesh(name, np.concatenate((vertices + normals, vertices - normals)), faces, texture, corners)
-    hull = Hull(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
+    hull = Shell(sheet, count, radius, by_area=False, first_vertex=vertex, first_point=0, both=True)
     return mesh, hull, shading(2 * number)
 
 
-def skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
+def skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Shell, FaceShading]:
     """A skin as its bones hold it at first: what its bones move is its vertices."""
     first, count = int(mjm.skin_vertadr[skin]), int(mjm.skin_vertnum[skin])
     start = int(mjm.skin_faceadr[skin])
@@ -55,7 +55,7 @@ def skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
     texture = None
     if mjm.skin_texcoordadr[skin] >= 0:
         texture = mjm.skin_texcoord[mjm.skin_texcoordadr[skin] :]
-    hull = Hull(
+    hull = Shell(
         faces=faces, num_vertices=count, offset=float(mjm.skin_inflate[skin]), by_area=True, first_vertex=first,
         first_point=0, both=False,
     )  # fmt: skip
@@ -63,7 +63,7 @@ def skin_surface(mjm: mujoco.MjModel, skin: int) -> tuple[Mesh, Hull, Shading]:
     return (
         _mesh(name, mjm.skin_vert[first : first + count], faces, texture, faces),
         hull,
-        Shading(num_smooth=len(faces)),
+        FaceShading(num_smooth=len(faces)),
     )
 
 

@@ -15,8 +15,8 @@ from warpcam.kernels.types import Meshes
 from warpcam.scene.scene import Scene
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
-from warpcam.sources.mujoco.shape_tables import ExtraTables, names_of
-from warpcam.sources.mujoco.visual_geoms import check_kinds, with_extras
+from warpcam.sources.mujoco.shape_tables import VisualGeomArrays, names_of
+from warpcam.sources.mujoco.visual_geoms import check_kinds, with_visual_geoms
 
 NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
 # Asked every frame: one call for all.
@@ -53,11 +53,13 @@ class MujocoWarpSource:
         self.device: wp.Device = d.geom_xpos.device
         device_rule.require_same(self.device, "d is", m.geom_size.device, "m")
         self._m, self._d = m, d
-        parts = model.read_parts(mjm, d.nworld, groups, geoms)
-        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw))
+        parts = model.read_description(mjm, d.nworld, groups, geoms)
+        self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
         colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
         self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
-        self._tables = ExtraTables(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
+        self._tables = (
+            VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
+        )
         names = names_of(extras)
         self._names = (*NAMES, *names)
         self._of_extras = attrgetter(*names.values(), "nworld", "nworld")  # never less than two: always a tuple
@@ -76,13 +78,13 @@ class MujocoWarpSource:
         return dict(zip(self._names, values, strict=True))
 
     @property
-    def blends(self) -> ExtraTables | None:
+    def color_blend(self) -> VisualGeomArrays | None:
         return self._tables
 
-    def holds(self, field: str) -> bool:
+    def user_owned(self, field: str) -> bool:
         return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
 
-    def label(self, field: str) -> str:
+    def user_name(self, field: str) -> str:
         return f"d.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"m.{model.MODEL_NAMES[field]}"
 
     def global_ambient(self) -> float:

@@ -14,12 +14,12 @@ from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
-from warpcam.scene.source import FIELDS
+from warpcam.scene.source import LIVE_ARRAYS
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
-from warpcam.sources.mujoco.mjv_geoms import Places
-from warpcam.sources.mujoco.shape_tables import DTYPES, ExtraTables, names_of
-from warpcam.sources.mujoco.visual_geoms import check_kinds, colors_of, with_extras
+from warpcam.sources.mujoco.mjv_geoms import MjvGeomSlots
+from warpcam.sources.mujoco.shape_tables import DTYPES, VisualGeomArrays, names_of
+from warpcam.sources.mujoco.visual_geoms import check_kinds, colors_of, with_visual_geoms
 
 ALIGNMENT = 16  # of each array in the block [bytes]
 
@@ -41,16 +41,16 @@ class MujocoSource:
         draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
         transparency: Transparency = None,
-        decor: Places | None = None,
+        decor: MjvGeomSlots | None = None,
     ):
         self.device = device
         self._mjm, self._mjds, self._decor = mjm, mjds, decor
-        parts = model.read_parts(mjm, len(mjds), groups)
+        parts = model.read_description(mjm, len(mjds), groups)
         kinds = decor.kinds if decor is not None else ()
-        self.parts, extras = with_extras(parts, mjm, groups, check_kinds(draw), kinds)
+        self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw), kinds)
         self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, decor=kinds)
         self._extras = extras
-        self._tables = ExtraTables(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
+        self._tables = VisualGeomArrays(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
         self._data_names = {**model.DATA_NAMES, **names_of(extras)}
         self._model_names = dict(model.MODEL_NAMES)
         if decor is not None and decor.lights:
@@ -58,8 +58,8 @@ class MujocoSource:
             for names in (self._data_names, self._model_names):
                 for name in names.keys() & decor.lights.keys():
                     del names[name]
-        shapes = {name: self._shape(name) for name in FIELDS}
-        dtypes = {name: FIELDS[name].dtype for name in FIELDS}
+        shapes = {name: self._shape(name) for name in LIVE_ARRAYS}
+        dtypes = {name: LIVE_ARRAYS[name].dtype for name in LIVE_ARRAYS}
         for name in names_of(extras):
             size = wp.types.type_size_in_bytes(DTYPES[name]) // 4  # numbers
             shapes[name] = len(mjds), getattr(mjds[0], self._data_names[name]).size // size
@@ -90,13 +90,13 @@ class MujocoSource:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
     @property
-    def blends(self) -> ExtraTables | None:
+    def color_blend(self) -> VisualGeomArrays | None:
         return self._tables
 
-    def holds(self, field: str) -> bool:
+    def user_owned(self, field: str) -> bool:
         return False
 
-    def label(self, field: str) -> str:
+    def user_name(self, field: str) -> str:
         return f"mjd.{model.DATA_NAMES[field]}" if field in model.DATA_NAMES else f"mjm.{model.MODEL_NAMES[field]}"
 
     def global_ambient(self) -> float:
@@ -133,7 +133,7 @@ class MujocoSource:
                 for staged, owner in zip(self._staged[field], owners, strict=True):
                     yield staged, getattr(owner, name).reshape(staged.shape)
 
-    def _stage_decor(self, decor: Places) -> None:
+    def _stage_decor(self, decor: MjvGeomSlots) -> None:
         for staged, array in self._staged_decor:
             staged[:] = array
         self._staged["shape_colors"][:, decor.hidden[decor.hidden < self._mjm.ngeom]] = 0.0
@@ -166,7 +166,7 @@ class MujocoSource:
             more = len(self._decor.kinds) if name in self._decor.shapes else 0
         if name in model.DATA_NAMES:
             return len(self._mjds), len(getattr(self._mjds[0], model.DATA_NAMES[name])) + more
-        count, *rest = getattr(self._mjm, model.MODEL_NAMES[name]).shape[: 1 + len(FIELDS[name].more)]
+        count, *rest = getattr(self._mjm, model.MODEL_NAMES[name]).shape[: 1 + len(LIVE_ARRAYS[name].more)]
         return (1, count + more, *rest)
 
     @staticmethod
@@ -186,7 +186,7 @@ def load(
     draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
     transparency: Transparency = None,
-    decor: Places | None = None,
+    decor: MjvGeomSlots | None = None,
 ) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)

@@ -7,26 +7,26 @@ import mujoco
 import numpy as np
 
 from warpcam.kernels.types import PLANE
-from warpcam.scene.layers import Layers, Transparency, find_mirrors, find_veils
-from warpcam.scene.source import Parts
-from warpcam.sources.mujoco.mjv_geoms import Kind
-from warpcam.sources.mujoco.visual_geoms import Extras
+from warpcam.scene.layers import Layers, Transparency, find_mirrors, find_transparent
+from warpcam.scene.source import SceneDescription
+from warpcam.sources.mujoco.mjv_geoms import MjvGeomClass
+from warpcam.sources.mujoco.visual_geoms import VisualGeoms
 
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # a geom's colour that lets its material's count
 SKYBOX = 0.7  # its distance as a part of how far MuJoCo's camera sees
 
 
 def with_layers(
-    parts: Parts,
+    parts: SceneDescription,
     mjm: mujoco.MjModel,
-    extras: Extras | None,
+    extras: VisualGeoms | None,
     reflections: bool | None,
     transparency: Transparency,
     colors: np.ndarray | None = None,
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
-    decor: Sequence[Kind] = (),
-) -> Parts:
+    decor: Sequence[MjvGeomClass] = (),
+) -> SceneDescription:
     """The scene's parts with what of them needs more than one layer.
 
     Args:
@@ -57,7 +57,7 @@ def with_layers(
     layers = Layers(
         mirrors=find_mirrors(types, drawn, materials, reflectance, reflections),
         reflectance=reflectance,
-        veils=find_veils(types, drawn, opacity, transparency),
+        transparent_shapes=find_transparent(types, drawn, opacity, transparency),
         reach=np.where(types == PLANE, np.inf, reach).astype(np.float32),
         haze_plane=haze[0] if haze else -1,
         haze_color=(float(red), float(green), float(blue)),

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from warpcam.kernels.passes.mirrors import SOLID
+from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 from warpcam.kernels.types import PLANE
 
 LEAST = 8  # places of a kind, and of lights
@@ -35,24 +35,24 @@ LIGHTS: Mapping[str, tuple[tuple[int, ...], type]] = {
 Pair = tuple[int, int]  # id and mjtObj
 
 
-class Kind(NamedTuple):
+class MjvGeomClass(NamedTuple):
     """What shapes of a kind have in common.
 
     Attributes:
         type: One of the shape types.
-        veiled: Whether it is seen through, now or from behind.
+        transparent: Whether it is seen through, now or from behind.
         casts: Whether it casts shadows.
         reflectance: Of a plane or box that reflects, else 0.
     """
 
     type: int
-    veiled: bool
+    transparent: bool
     casts: bool
     reflectance: float
 
 
 @dataclass(frozen=True, eq=False)
-class Decor:
+class MjvGeoms:
     """Shapes of one frame, each row one.
 
     Attributes:
@@ -95,39 +95,39 @@ class Decor:
     renamed: Sequence[tuple[Pair, Pair]]
     lights: np.ndarray | None
 
-    def solid(self) -> "Decor":
+    def solid(self) -> "MjvGeoms":
         """What images of depth and of objects show, all of which is solid there."""
         some = self.some(self.segments >= 0)
         return replace(some, colors=np.concatenate((some.colors[:, :3], np.ones((len(some.types), 1))), axis=1))
 
-    def opaque(self) -> "Decor":
+    def opaque(self) -> "MjvGeoms":
         """What nothing is seen through."""
-        return self.some(self.colors[:, 3] >= SOLID)
+        return self.some(self.colors[:, 3] >= OPAQUE_ABOVE)
 
-    def some(self, chosen: np.ndarray) -> "Decor":
+    def some(self, chosen: np.ndarray) -> "MjvGeoms":
         """Some of the shapes: (shape,) bool, or their numbers."""
         rows = {field.name: getattr(self, field.name) for field in fields(self)}
-        return Decor(**{name: rows[name] if name in OF_ALL else rows[name][chosen] for name in rows})
+        return MjvGeoms(**{name: rows[name] if name in OF_ALL else rows[name][chosen] for name in rows})
 
     @property
-    def veiled(self) -> bool:
+    def transparent(self) -> bool:
         """Whether something is seen through."""
-        return bool((self.colors[:, 3] < SOLID).any())
+        return bool((self.colors[:, 3] < OPAQUE_ABOVE).any())
 
     @cached_property
-    def kinds(self) -> Mapping[Kind, np.ndarray]:
+    def kinds(self) -> Mapping[MjvGeomClass, np.ndarray]:
         """The numbers of the shapes of each kind."""
         planes = self.types == PLANE
-        veiled = (self.colors[:, 3] < SOLID) | planes
+        veiled = (self.colors[:, 3] < OPAQUE_ABOVE) | planes
         rows = zip(self.types.tolist(), veiled.tolist(), self.casts.tolist(), self.reflectances.tolist(), strict=True)
-        kinds: dict[Kind, list[int]] = {}
+        kinds: dict[MjvGeomClass, list[int]] = {}
         for number, row in enumerate(rows):
-            kinds.setdefault(Kind(*row), []).append(number)
+            kinds.setdefault(MjvGeomClass(*row), []).append(number)
         return {kind: np.array(numbers) for kind, numbers in kinds.items()}
 
 
 @dataclass(frozen=True)
-class Room:
+class MjvCapacity:
     """How much a scene has places for.
 
     Attributes:
@@ -135,10 +135,10 @@ class Room:
         lights: Of these in place of the model's; None: the model's own light the scene.
     """
 
-    shapes: tuple[tuple[Kind, int], ...] = ()
+    shapes: tuple[tuple[MjvGeomClass, int], ...] = ()
     lights: int | None = None
 
-    def holds(self, decor: Decor) -> bool:
+    def holds(self, decor: MjvGeoms) -> bool:
         """Whether there is room for these, and the lights are the same ones."""
         shapes = dict(self.shapes)
         enough = all(shapes.get(kind, 0) >= len(numbers) for kind, numbers in decor.kinds.items())
@@ -146,16 +146,16 @@ class Room:
             return enough and (decor.lights is None) == (self.lights is None)
         return enough and self.lights >= len(decor.lights)
 
-    def grown(self, decor: Decor) -> "Room":
+    def grown(self, decor: MjvGeoms) -> "MjvCapacity":
         """Room for these, and no less than here: twice as much where that does not suffice."""
         shapes = dict(self.shapes)
         for kind, numbers in decor.kinds.items():
             shapes[kind] = _enough(shapes.get(kind, LEAST), len(numbers))
         lights = None if decor.lights is None else _enough(self.lights or LEAST, len(decor.lights))
-        return Room(tuple(shapes.items()), lights)
+        return MjvCapacity(tuple(shapes.items()), lights)
 
 
-class Places:
+class MjvGeomSlots:
     """The room of a scene, and what stands there now.
 
     Args:
@@ -171,7 +171,7 @@ class Places:
         objects: (place, 2) int32.
     """
 
-    def __init__(self, mjm: mujoco.MjModel, room: Room):
+    def __init__(self, mjm: mujoco.MjModel, room: MjvCapacity):
         self.room = room
         self.kinds = [kind for kind, count in room.shapes for _ in range(count)]
         counts = [count for _, count in room.shapes]
@@ -198,7 +198,7 @@ class Places:
         self.objects = np.full((count, 2), -1, np.int32)
         self.hidden = np.zeros(0, np.int64)
 
-    def fill(self, decor: Decor) -> None:
+    def fill(self, decor: MjvGeoms) -> None:
         """Put shapes and lights into the places; all others are empty then."""
         shapes = self.shapes
         shapes["shape_colors"][:] = 0.0

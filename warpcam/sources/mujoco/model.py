@@ -12,7 +12,7 @@ from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import BOX, COINCIDENT, FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE, SHEER
-from warpcam.scene.source import Parts, SceneCamera
+from warpcam.scene.source import SceneCamera, SceneDescription
 from warpcam.textures.pack import TextureImage
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -71,7 +71,9 @@ def check_model(mjm: Any, name: str) -> None:
         raise WarpcamError(f"{name} must be a mujoco.MjModel, got {type(mjm).__name__}")
 
 
-def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Collection[int] | None = None) -> Parts:
+def read_description(
+    mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Collection[int] | None = None
+) -> SceneDescription:
     """The static parts of a model.
 
     Args:
@@ -92,7 +94,7 @@ def read_parts(mjm: mujoco.MjModel, num_worlds: int, groups: Groups, geoms: Coll
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
     coincident = _coincident(mjm, geoms)
     skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
-    return Parts(
+    return SceneDescription(
         num_worlds=num_worlds,
         shape_types=types,
         shape_bodies=mjm.geom_bodyid.astype(np.int32),

@@ -11,22 +11,22 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import Meshes
-from warpcam.kernels.update.refit import Tree, kernels_of
-from warpcam.kernels.update.skinning import Bones, record_pose, record_swell, swell
-from warpcam.scene.source import FIELDS
-from warpcam.sources.mujoco.kernels.tendon_limits import record_strain, write_strain
+from warpcam.kernels.update.refit import DeformingTree, kernels_of
+from warpcam.kernels.update.skinning import SkinWeights, bind_offset_vertices, bind_skin, offset_vertices
+from warpcam.scene.source import LIVE_ARRAYS
+from warpcam.sources.mujoco.kernels.tendon_limits import bind_limit_impedance, write_limit_impedance
 from warpcam.sources.mujoco.kernels.visual_geoms import (
     CRANK,
     EDGE,
     MARK,
     SEGMENT,
     STRING,
-    Entries,
-    Table,
+    ShapeTable,
+    VisualGeomTable,
+    bind_shape_table,
     kernel_of,
-    record_table,
 )
-from warpcam.sources.mujoco.visual_geoms import Extras
+from warpcam.sources.mujoco.visual_geoms import VisualGeoms
 
 # What is read beside the fields of a scene, by our names: theirs in mjData, and in MuJoCo-Warp's Data.
 MARKS: Mapping[str, str] = {"mark_positions": "site_xpos", "mark_rotations": "site_xmat"}
@@ -51,7 +51,7 @@ DTYPES: Mapping[str, Any] = {
 TABLE = ("positions", "rotations", "sizes", "assets", "materials", "colors")
 
 
-def names_of(extras: Extras | None) -> dict[str, str]:
+def names_of(extras: VisualGeoms | None) -> dict[str, str]:
     """What of the simulator's data is read for these, their names by ours."""
     names: dict[str, str] = {}
     if extras is not None:
@@ -66,10 +66,10 @@ def names_of(extras: Extras | None) -> dict[str, str]:
     return names
 
 
-class ExtraTables:
+class VisualGeomArrays:
     """Tables of all shapes, geoms and others; written at the head of each frame."""
 
-    def __init__(self, extras: Extras, num_worlds: int, num_meshes: int, device: wp.Device):
+    def __init__(self, extras: VisualGeoms, num_worlds: int, num_meshes: int, device: wp.Device):
         self._extras, self._num_worlds, self._first_mesh, self._device = extras, num_worlds, num_meshes, device
         self._what = wp.array(extras.entries, dtype=wp.vec4i, device=device)
         self._lengths = wp.array(extras.lengths, dtype=wp.float32, device=device)
@@ -89,12 +89,12 @@ class ExtraTables:
         self._stages: tuple[Stage, ...] | None = None
         self._blending: tuple[wp.array, Stage] | None = None
         self._live: Mapping[str, wp.array] = {}
-        self._trees: list[Tree] | None = None
+        self._trees: list[DeformingTree] | None = None
         points = (num_worlds, extras.num_points)
         self._points, self._normals = (wp.zeros(points, dtype=wp.vec3, device=device) for _ in range(2))
         self._skin = wp.zeros((num_worlds, extras.num_skin_vertices), dtype=wp.vec3, device=device)
         self._surfaces = [part.hull.upload(device) for part in extras.moved]
-        self._bones = Bones()
+        self._bones = SkinWeights()
         self._bones.starts = wp.array(extras.bonds.starts, dtype=wp.int32, device=device)
         self._bones.bodies = wp.array(extras.bonds.bodies, dtype=wp.int32, device=device)
         self._bones.places = wp.array(extras.bonds.places, dtype=wp.vec4, device=device)
@@ -118,7 +118,7 @@ class ExtraTables:
             table = self._table["colors"]
             table.assign(np.broadcast_to(colors, (table.shape[0], *colors.shape)))
 
-    def unblended(self, colors: np.ndarray) -> np.ndarray:
+    def without_blend(self, colors: np.ndarray) -> np.ndarray:
         """Those of the table, (world*, column, 4), as they are where no limit holds."""
         if self._extras.held is not None:
             columns = self._extras.held.columns
@@ -131,15 +131,15 @@ class ExtraTables:
             return ()
         if self._blending is None or self._blending[0] is not painted:
             self._over.lengths, self._over.colors = self._held.lengths, painted
-            self._blending = painted, record_strain(self._over, painted, self._device)
+            self._blending = painted, bind_limit_impedance(self._over, painted, self._device)
         return (self._blending[1],)
 
     def kernels(self) -> list[wp.Kernel]:
         """Of the stages."""
         kernels = [kernel_of(self._extras.kinds)]
         if self._held is not None:
-            kernels.append(write_strain)
-        return [*kernels, swell, *kernels_of(backs=False)] if self._extras.moved else kernels
+            kernels.append(write_limit_impedance)
+        return [*kernels, offset_vertices, *kernels_of(backs=False)] if self._extras.moved else kernels
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """What writes the tables and moves meshes: the same tuple until the simulator's arrays are others."""
@@ -160,7 +160,7 @@ class ExtraTables:
             if name not in self._table or self._table[name].shape[0] != rows[name]:
                 self._table[name] = self._make(name, rows[name])
         self._live = live
-        self._arrays = {name: live[name] for name in (*FIELDS, "headlight")}
+        self._arrays = {name: live[name] for name in (*LIVE_ARRAYS, "headlight")}
         self._arrays.update({f"shape_{name}": array for name, array in self._table.items()})
         self._stages = self._blending = None
 
@@ -177,11 +177,11 @@ class ExtraTables:
         if name == "assets":
             for number, part in enumerate(extras.moved):
                 host[:, part.column] = self._first_mesh + number * self._num_worlds + np.arange(rows)
-        return wp.array(host, dtype=FIELDS[f"shape_{name}"].dtype, ndim=2, device=self._device)
+        return wp.array(host, dtype=LIVE_ARRAYS[f"shape_{name}"].dtype, ndim=2, device=self._device)
 
     def _record(self, meshes: Meshes) -> list[Stage]:
         device, live = self._device, self._live
-        entries, table = Entries(), Table()
+        entries, table = VisualGeomTable(), ShapeTable()
         entries.what, entries.radii, entries.lengths = self._what, self._radii, self._lengths
         entries.crank_colors = self._crank_colors
         entries.up, entries.num_points = wp.vec3(*self._extras.up), self._extras.num_points_of_string
@@ -200,29 +200,29 @@ class ExtraTables:
         lengths = read.pop("path_lengths")
         for name, array in read.items():
             setattr(entries, name, array)
-        stages = [record_table(entries, table, self._extras.kinds, device)]
+        stages = [bind_shape_table(entries, table, self._extras.kinds, device)]
         if self._held is not None:
             self._held.lengths = lengths
-            stages.append(record_strain(self._held, table.colors, device))
+            stages.append(bind_limit_impedance(self._held, table.colors, device))
         if any(part.of_skin for part in self._extras.moved):
             bodies = live["body_positions"], live["body_rotations"]
-            stages.append(record_pose(self._bones, *bodies, self._skin, device))
+            stages.append(bind_skin(self._bones, *bodies, self._skin, device))
         points, normals = self._points, self._normals
         flat = points.flatten(), normals.flatten()
         for part, surface, tree in zip(self._extras.moved, self._surfaces, self._make_trees(meshes), strict=True):
             vertices = self._skin if part.of_skin else entries.vertices
-            stages.append(record_swell(surface, vertices, points, normals, device))
+            stages.append(bind_offset_vertices(surface, vertices, points, normals, device))
             stages += tree.record(*flat)
         return stages
 
-    def _make_trees(self, meshes: Meshes) -> list[Tree]:
+    def _make_trees(self, meshes: Meshes) -> list[DeformingTree]:
         if self._trees is None:
             self._trees = []
             worlds = np.arange(self._num_worlds)
             for number, part in enumerate(self._extras.moved):
                 assets = self._first_mesh + number * self._num_worlds + worlds
                 bases = worlds * self._extras.num_points + part.hull.first_point
-                self._trees.append(Tree(meshes, assets, bases, part.mesh.faces, self._device, part.shading))
+                self._trees.append(DeformingTree(meshes, assets, bases, part.mesh.faces, self._device, part.shading))
         return self._trees
 
 

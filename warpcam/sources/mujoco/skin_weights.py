@@ -7,8 +7,8 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class Bonds:
-    """How the vertices of all skins hang on bodies: see ``kernels.swell.Bones``."""
+class BoneWeights:
+    """How the vertices of all skins hang on bodies: see ``kernels.update.skinning.SkinWeights``."""
 
     starts: np.ndarray
     bodies: np.ndarray
@@ -22,11 +22,11 @@ def matrix_of(quaternion: np.ndarray) -> np.ndarray:
     return turn.reshape(3, 3)
 
 
-def no_bonds() -> Bonds:
-    return Bonds(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 4), np.float32))
+def no_bone_weights() -> BoneWeights:
+    return BoneWeights(np.zeros(1, np.int32), np.zeros(0, np.int32), np.zeros((0, 4), np.float32))
 
 
-def bonds_of(mjm: mujoco.MjModel) -> Bonds:
+def bone_weights_of(mjm: mujoco.MjModel) -> BoneWeights:
     vertices, bodies, places = [], [], []
     for skin in range(mjm.nskin):
         for bone in range(mjm.skin_boneadr[skin], mjm.skin_boneadr[skin] + mjm.skin_bonenum[skin]):
@@ -39,7 +39,7 @@ def bonds_of(mjm: mujoco.MjModel) -> Bonds:
     of = np.concatenate(vertices)
     order = np.argsort(of, kind="stable")
     starts = np.r_[0, np.cumsum(np.bincount(of, minlength=mjm.nskinvert))]
-    return Bonds(
+    return BoneWeights(
         starts.astype(np.int32),
         np.concatenate(bodies)[order].astype(np.int32),
         np.concatenate(places)[order].astype(np.float32),

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from warpcam.sources.mujoco.kernels.tendon_limits import Limits
+from warpcam.sources.mujoco.kernels.tendon_limits import TendonLimits
 from warpcam.sources.mujoco.kernels.visual_geoms import ARC, SEGMENT, STRING
 
 LEAST, MOST = 1e-4, 0.9999  # between which MuJoCo holds an impedance
@@ -14,8 +14,8 @@ UNLIMITED = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mj
 
 
 @dataclass(frozen=True, eq=False)
-class HeldTendons:
-    """What of them never changes, by the entry of each of their columns: see ``kernels.strain.Limits``."""
+class LimitedTendons:
+    """What of them never changes, by the entry of each of their columns: see ``kernels.strain.TendonLimits``."""
 
     columns: np.ndarray
     paths: np.ndarray
@@ -25,8 +25,8 @@ class HeldTendons:
     power: np.ndarray
     held: np.ndarray
 
-    def upload(self, device: wp.Device) -> Limits:
-        limits = Limits()
+    def upload(self, device: wp.Device) -> TendonLimits:
+        limits = TendonLimits()
         for name, dtype in (
             *(("columns", wp.int32), ("paths", wp.int32), ("hangs", wp.bool)),
             *(("ranges", wp.vec3), ("impedance", wp.vec4), ("power", wp.float32)),
@@ -36,7 +36,7 @@ class HeldTendons:
         return limits
 
 
-def held_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> HeldTendons | None:
+def find_limited_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> LimitedTendons | None:
     """Those among the entries of a table, (entry, 4), whose columns they are written to; None if there are none."""
     of_tendons = entries[np.isin(entries[:, 0], (SEGMENT, STRING, ARC))]
     limited = (mjm.tendon_limited != 0) & (mjm.tendon_matid < 0)
@@ -48,7 +48,7 @@ def held_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> HeldTendons | None
     tendons = own[:, 2]
     solimp = mjm.tendon_solimp_lim[tendons].astype(np.float32)
     solimp[:, (0, 1, 3)] = solimp[:, (0, 1, 3)].clip(LEAST, MOST)
-    return HeldTendons(
+    return LimitedTendons(
         columns=own[:, 1],
         paths=tendons,
         hangs=own[:, 0] == STRING,

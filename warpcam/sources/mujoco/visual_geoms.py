@@ -15,16 +15,16 @@ import numpy as np
 from warpcam.accel.meshes import Mesh
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
-from warpcam.kernels.update.refit import Shading
-from warpcam.kernels.update.skinning import Hull
-from warpcam.scene.source import Parts
+from warpcam.kernels.update.refit import FaceShading
+from warpcam.kernels.update.skinning import Shell
+from warpcam.scene.source import SceneDescription
 from warpcam.sources.mujoco.deformables import flex_surface, skin_surface
 from warpcam.sources.mujoco.kernels.visual_geoms import ARC, COPY, CRANK, EDGE, MARK, MOST_PIECES, ROD, SEGMENT, STRING
-from warpcam.sources.mujoco.mjv_geoms import Kind
+from warpcam.sources.mujoco.mjv_geoms import MjvGeomClass
 from warpcam.sources.mujoco.model import DRAWN, KINDS, VERSION, Groups, groups_by_kind
-from warpcam.sources.mujoco.skin_weights import Bonds, bonds_of, matrix_of, no_bonds
+from warpcam.sources.mujoco.skin_weights import BoneWeights, bone_weights_of, matrix_of, no_bone_weights
 from warpcam.sources.mujoco.slider_cranks import colors_of_cranks, count_drives, cranks_of, radius_of_rods
-from warpcam.sources.mujoco.tendon_limits import HeldTendons, held_tendons, string_length
+from warpcam.sources.mujoco.tendon_limits import LimitedTendons, find_limited_tendons, string_length
 
 OBJECTS = (
     mujoco.mjtObj.mjOBJ_GEOM,
@@ -56,13 +56,13 @@ class Moved:
 
     column: int
     mesh: Mesh
-    hull: Hull
+    hull: Shell
     of_skin: bool
-    shading: Shading
+    shading: FaceShading
 
 
 @dataclass(frozen=True, eq=False)
-class Extras:
+class VisualGeoms:
     """All of it.
 
     Attributes:
@@ -100,7 +100,7 @@ class Extras:
     types: np.ndarray
     offsets: np.ndarray
     turns: np.ndarray
-    held: HeldTendons | None
+    held: LimitedTendons | None
     sizes: np.ndarray
     materials: np.ndarray
     colors: np.ndarray
@@ -109,7 +109,7 @@ class Extras:
     moved: Sequence[Moved]
     num_points: int
     num_skin_vertices: int
-    bonds: Bonds
+    bonds: BoneWeights
     num_decor: int
 
     @property
@@ -126,7 +126,7 @@ class Extras:
         return kind in self.kinds
 
 
-def colors_of(mjm: mujoco.MjModel, extras: Extras) -> np.ndarray:
+def colors_of(mjm: mujoco.MjModel, extras: VisualGeoms) -> np.ndarray:
     """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
     drives = np.tile(colors_of_cranks(mjm)[:1], (count_drives(mjm), 1))
     decor = np.zeros((extras.num_decor, 4), np.float32)  # written each frame
@@ -154,9 +154,13 @@ def check_kinds(draw: Any) -> frozenset[str]:
     return frozenset(kinds)
 
 
-def with_extras(
-    parts: Parts, mjm: mujoco.MjModel, groups: Groups, kinds: Collection[str], decor: Sequence[Kind] = ()
-) -> tuple[Parts, Extras | None]:
+def with_visual_geoms(
+    parts: SceneDescription,
+    mjm: mujoco.MjModel,
+    groups: Groups,
+    kinds: Collection[str],
+    decor: Sequence[MjvGeomClass] = (),
+) -> tuple[SceneDescription, VisualGeoms | None]:
     """The scene's parts with what is drawn beside geoms, and that; None where there is nothing of it."""
     if "geoms" not in kinds:
         parts = replace(parts, drawn=[])
@@ -178,10 +182,10 @@ class _Reader:
     def __init__(
         self,
         mjm: mujoco.MjModel,
-        parts: Parts,
+        parts: SceneDescription,
         groups: Mapping[str, list[int]],
         kinds: Collection[str],
-        decor: Sequence[Kind],
+        decor: Sequence[MjvGeomClass],
     ):
         self._mjm, self._parts, self._kinds, self._decor = mjm, parts, kinds, decor
         self._shown = [groups[kind] for kind in KINDS]
@@ -221,7 +225,7 @@ class _Reader:
             self._read_cranks()
         self._read_decor()
 
-    def parts(self) -> Parts:
+    def parts(self) -> SceneDescription:
         parts = self._parts
         types = np.r_[self._types, [kind for kind, _, _ in self._more]].astype(np.int32)
         ids = np.r_[self._ids, [number for _, number, _ in self._more]].astype(np.int32)
@@ -252,10 +256,10 @@ class _Reader:
             meshes=meshes,
         )
 
-    def extras(self) -> Extras:
+    def extras(self) -> VisualGeoms:
         rows = np.r_[np.arange(len(self._types)), [row for _, _, row in self._more]].astype(np.int64)
         entries = np.array(self._entries, np.int32).reshape(-1, 4)
-        return Extras(
+        return VisualGeoms(
             num_columns=len(rows),
             entries=entries,
             radii=np.array(self._radii, np.float32),
@@ -267,7 +271,7 @@ class _Reader:
             types=self._parts.shape_types,
             offsets=np.concatenate((np.zeros((1, 3)), self._mjm.mesh_pos)).astype(np.float32),
             turns=np.stack([np.eye(3), *map(matrix_of, self._mjm.mesh_quat)]).astype(np.float32),
-            held=held_tendons(self._mjm, entries),
+            held=find_limited_tendons(self._mjm, entries),
             sizes=self._sizes[rows],
             materials=self._materials[rows],
             colors=self._colors[rows],
@@ -276,7 +280,7 @@ class _Reader:
             moved=self._moved,
             num_points=self._points,
             num_skin_vertices=self._mjm.nskinvert,
-            bonds=bonds_of(self._mjm) if any(part.of_skin for part in self._moved) else no_bonds(),
+            bonds=bone_weights_of(self._mjm) if any(part.of_skin for part in self._moved) else no_bone_weights(),
             num_decor=len(self._decor),
         )
 
@@ -353,10 +357,10 @@ class _Reader:
         for place, kind in enumerate(self._decor):
             column = int(self._first[6]) + place
             self._types[column], self._materials[column] = kind.type, self._mjm.nmat + place
-            self._colors[column] = (0.0, 0.0, 0.0, 0.5 if kind.veiled else 1.0)
+            self._colors[column] = (0.0, 0.0, 0.0, 0.5 if kind.transparent else 1.0)
             self._add((COPY, column, self._mjm.ngeom + place, 0), column)
 
-    def _move(self, row: int, mesh: Mesh, hull: Hull, shading: Shading, of_skin: bool) -> None:
+    def _move(self, row: int, mesh: Mesh, hull: Shell, shading: FaceShading, of_skin: bool) -> None:
         hull = replace(hull, first_point=self._points)
         self._points += hull.num_vertices * (2 if hull.both else 1)
         self._types[row] = MESH

@@ -14,7 +14,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class Entries:
+class VariantEntries:
     """Each shape, or one after another all that it may be.
 
     Attributes:
@@ -32,12 +32,12 @@ class Entries:
     chosen: np.ndarray
 
 
-def read_entries(model: newton.Model) -> Entries:
+def read_entries(model: newton.Model) -> VariantEntries:
     count = model.shape_count
     shapes = np.arange(count, dtype=np.int32)
     kinds = model.shape_type.numpy() if count else np.zeros(0, np.int32)
     pointers = model.shape_source_ptr.numpy() if count else np.zeros(0, np.uint64)
-    plain = Entries(shapes, kinds, pointers, model.shape_source, np.zeros(count, bool))
+    plain = VariantEntries(shapes, kinds, pointers, model.shape_source, np.zeros(count, bool))
     if getattr(model, "body_variant", None) is None or not (model.body_variant.numpy() >= 0).any():
         return plain
     try:
@@ -56,7 +56,7 @@ def read_entries(model: newton.Model) -> Entries:
     all_shapes = np.concatenate((others, rows[first])).astype(np.int32)
     order = np.argsort(all_shapes, kind="stable")
     sources = [*(model.shape_source[shape] for shape in others), *(held_sources[held[place]] for place in first)]
-    return Entries(
+    return VariantEntries(
         shapes=all_shapes[order],
         types=np.concatenate((kinds[others], held_kinds[first]))[order].astype(np.int32),
         pointers=np.concatenate((pointers[others], held_pointers[first]))[order],

@@ -9,7 +9,7 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.sources.newton.triangle_colors import differ, texel_coordinates
 
 MAX_PARTS = 32  # of one world; of more those of one opacity are drawn as one, and if these are more, all
@@ -17,7 +17,7 @@ MAX_PARTICLES = 1024  # in one world
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class DeformablePart:
     """A connected surface, which some worlds have one after another of.
 
     Attributes:
@@ -52,7 +52,7 @@ class Part:
 
 
 @dataclass(frozen=True, eq=False)
-class Soft:
+class Deformables:
     """All of it.
 
     Attributes:
@@ -61,7 +61,7 @@ class Soft:
         particles: (world, column) int32, loose particles; -1 where a world has none.
     """
 
-    parts: Sequence[Part]
+    parts: Sequence[DeformablePart]
     num_columns: int
     particles: np.ndarray
 
@@ -70,7 +70,7 @@ class Soft:
         return [part.mesh() for part in self.parts for _ in part.worlds]
 
 
-def read_soft(model: newton.Model, covered: np.ndarray, choice: Choice) -> Soft:
+def read_deformables(model: newton.Model, covered: np.ndarray, choice: NewtonOptions) -> Deformables:
     """What is simulated and seen.
 
     Args:
@@ -82,11 +82,11 @@ def read_soft(model: newton.Model, covered: np.ndarray, choice: Choice) -> Soft:
     num_worlds = model.world_count
     nothing = np.full((num_worlds, 0), -1, np.int32)
     if not model.particle_count:
-        return Soft((), 0, nothing)
+        return Deformables((), 0, nothing)
     worlds = model.particle_world.numpy()
     positions = model.particle_q.numpy()
     bound = np.zeros(model.particle_count, bool)
-    parts: list[Part] = []
+    parts: list[DeformablePart] = []
     if model.tri_count:
         triangles = model.tri_indices.numpy().reshape(-1, 3)
         if triangles.min() < 0 or triangles.max() >= model.particle_count:
@@ -112,7 +112,9 @@ def read_soft(model: newton.Model, covered: np.ndarray, choice: Choice) -> Soft:
         parts = _parts(triangles[numbers], numbers, worlds, positions, opacities, choice.backs) if len(numbers) else []
         parts = [replace(part, tinted=differ(values, part.all_triangles)) for part in parts]
     loose = np.flatnonzero(~bound & (choice.shared | (worlds >= 0)) & choice.particles)
-    return Soft(parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds))
+    return Deformables(
+        parts, 1 + max((part.column for part in parts), default=-1), _particles(loose, worlds, num_worlds)
+    )
 
 
 def _uncovered(elements: list[np.ndarray], covered: np.ndarray) -> np.ndarray:
@@ -132,10 +134,10 @@ def _parts(
     positions: np.ndarray,
     opacities: np.ndarray,
     backs: bool | None,
-) -> list[Part]:
+) -> list[DeformablePart]:
     of_triangle = worlds[triangles[:, 0]]
     order = np.argsort(of_triangle, kind="stable")
-    known: dict[bytes, list[Part]] = {}
+    known: dict[bytes, list[DeformablePart]] = {}
     members: dict[bytes, list[np.ndarray]] = {}
     connected: dict[bytes, np.ndarray] = {}
     shared = 0
@@ -155,7 +157,9 @@ def _parts(
                 faces = own[labels == label]
                 vertices = positions[base : base + int(own.max()) + 1].astype(np.float32)
                 both = not is_closed(faces) if backs is None else backs
-                known[key].append(Part(np.ascontiguousarray(faces, np.int32), vertices, shared + number, both))
+                known[key].append(
+                    DeformablePart(np.ascontiguousarray(faces, np.int32), vertices, shared + number, both)
+                )
                 members[key].append(np.flatnonzero(labels == label))
             if world < 0:  # what is in all worlds has columns before the worlds' own
                 shared = len(known[key])

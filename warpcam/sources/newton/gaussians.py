@@ -3,17 +3,17 @@
 import newton
 import numpy as np
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.gaussian_cloud import display_colors
 
 
-def read_cloud(source: newton.Gaussian, label: str) -> Cloud:
+def read_cloud(source: newton.Gaussian, label: str) -> GaussianCloud:
     """What Newton's own renderers draw of it: colours are those of degree 0, the same from all sides."""
     harmonics = source.sh_coeffs
     if harmonics is None or harmonics.shape[1] < 3:
         raise WarpcamError(f"model: the splats of shape '{label}': sh_coeffs must have 3 columns or more")
-    return Cloud(
+    return GaussianCloud(
         name=label,
         positions=np.asarray(source.positions, np.float32),
         rotations=np.asarray(source.rotations, np.float32)[:, [3, 0, 1, 2]],

@@ -27,7 +27,7 @@ def read_labels(
         of_body[model.joint_child.numpy()[tree]] = articulations[tree]
     of_body[-1] = -1
     instances = of_body[bodies]
-    numbers = Numbers(semantics)
+    numbers = LabelIds(semantics)
     if not numbers:
         return instances, np.zeros((1, ids.shape[1]), np.int32)
     marks = np.zeros(model.shape_count + 1, np.int32)
@@ -51,7 +51,7 @@ def read_labels(
     return instances, marks[np.where(ids >= 0, ids, -1)]
 
 
-class Numbers:
+class LabelIds:
     """Numbers by label, where a label is some of the parts of a path in their order."""
 
     def __init__(self, semantics: Any):

@@ -9,7 +9,7 @@ from typing import Any
 import newton
 import numpy as np
 
-from warpcam.accel.gaussians import Cloud
+from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.core.errors import WarpcamError
@@ -17,7 +17,7 @@ from warpcam.kernels import types
 from warpcam.sources.common.world_columns import columns_of, places_of
 from warpcam.sources.newton.body_variants import read_entries
 from warpcam.sources.newton.gaussians import read_cloud
-from warpcam.sources.newton.options import Choice
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.textures.pack import TextureImage
 
 GEO = newton.GeoType
@@ -66,14 +66,14 @@ class Layout:
     height_fields: Sequence[HeightField]
     textures: Sequence[TextureImage]
     finishes: Sequence[tuple[float, float, int]]
-    clouds: Sequence[Cloud]
+    clouds: Sequence[GaussianCloud]
     bodies: np.ndarray
     body_names: Sequence[str]
     body_places: np.ndarray
     variants: tuple[np.ndarray, np.ndarray] | None
 
 
-def read_layout(model: newton.Model, choice: Choice) -> Layout:
+def read_layout(model: newton.Model, choice: NewtonOptions) -> Layout:
     """Read what never changes."""
     num_worlds, count = model.world_count, model.shape_count
     entries = read_entries(model)
@@ -91,7 +91,7 @@ def read_layout(model: newton.Model, choice: Choice) -> Layout:
     ids = np.append(entries.shapes, -1)[table].astype(np.int32)
 
     assets, materials = np.full(len(kinds) + 1, -1, np.int32), np.zeros(len(kinds) + 1, np.int32)
-    sources = Sources(bool(choice.backs), choice.textures)
+    sources = AssetTables(bool(choice.backs), choice.textures)
     for entry in map(int, np.flatnonzero(np.isin(kinds, (types.MESH, types.HEIGHT_FIELD, types.SPLATS)))):
         source = entries.sources[entry]
         if source is not None:
@@ -128,7 +128,7 @@ def _is_display(model: newton.Model) -> np.ndarray:
     return np.zeros(model.shape_count, bool) if marks is None else marks.numpy().astype(bool)
 
 
-class Sources:
+class AssetTables:
     """Meshes, height fields, clouds and textures, each kept once.
 
     Args:
@@ -141,7 +141,7 @@ class Sources:
         self.meshes: list[Mesh] = []
         self.height_fields: list[HeightField] = []
         self.textures: list[TextureImage] = []
-        self.clouds: list[Cloud] = []
+        self.clouds: list[GaussianCloud] = []
         self._known: dict[Any, tuple[int, int]] = {}
         self._meshes: dict[tuple[bytes, ...], int] = {}
         self._images: dict[Any, int] = {}

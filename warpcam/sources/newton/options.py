@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Choice:
+class NewtonOptions:
     """Decided when the scene is made: it is what the scene is made of.
 
     Attributes:

@@ -12,23 +12,23 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.update.refit import Tree, kernels_of
-from warpcam.kernels.update.skinning import swell
+from warpcam.kernels.update.refit import DeformingTree, kernels_of
+from warpcam.kernels.update.skinning import offset_vertices
 from warpcam.render.camera_binding import per_world
-from warpcam.scene.layers import veils_alone
+from warpcam.scene.layers import transparent_layers
 from warpcam.scene.light import Light, light_arrays
 from warpcam.scene.scene import Scene
-from warpcam.scene.source import FIELDS, PHYSICAL_FIELDS, Parts
-from warpcam.sources.newton.deformables import Soft, read_soft
-from warpcam.sources.newton.kernels.gather import WHITE, FlatShapes, WorldShapes, record_gather, write_worlds
+from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneDescription
+from warpcam.sources.newton.deformables import Deformables, read_deformables
+from warpcam.sources.newton.kernels.gather import WHITE, FlatShapes, WorldShapes, bind_gather, write_worlds
 from warpcam.sources.newton.labels import read_labels
 from warpcam.sources.newton.model import PLAIN, Layout, read_layout
-from warpcam.sources.newton.options import Choice
-from warpcam.sources.newton.triangle_colors import Tints
-from warpcam.sources.newton.visual_meshes import Moves, Visual, read_visuals, with_visuals
+from warpcam.sources.newton.options import NewtonOptions
+from warpcam.sources.newton.triangle_colors import TriangleColors
+from warpcam.sources.newton.visual_meshes import AttachedVertices, VisualMesh, read_visuals, with_visuals
 from warpcam.textures.pack import TextureImage
 
-EVERYTHING = Choice()
+EVERYTHING = NewtonOptions()
 MAX_BOUND = 8  # states whose stages are kept
 # The arrays of a model that are read each frame: field of FlatShapes, dtype.
 LIVE: Mapping[str, tuple[str, Any]] = {
@@ -60,7 +60,7 @@ class NewtonSource:
     """A Newton model, its tables by world, and the state that is looked at."""
 
     live_on_device = True
-    blends = None
+    color_blend = None
 
     def __init__(
         self,
@@ -71,18 +71,18 @@ class NewtonSource:
         semantics: Mapping[str, int] | None,
         transparency: bool | None = None,
         textures: Sequence[Any] = (),
-        choice: Choice = EVERYTHING,
+        choice: NewtonOptions = EVERYTHING,
     ):
         self.device: wp.Device = model.device
         self._model = model
         self._check_state(state)
         layout = read_layout(model, choice)
         visuals = read_visuals(model, choice)
-        soft = with_visuals(read_soft(model, visuals.particles, choice), visuals)
+        soft = with_visuals(read_deformables(model, visuals.particles, choice), visuals)
         more = [_image(pixels, index) for index, pixels in enumerate(textures)]
         first_finish, first_texture = len(layout.finishes), len(layout.textures)
         images = [*layout.textures, *visuals.textures, *more]
-        self.tints = Tints(soft.parts, len(images), first_finish + len(visuals.textures), self.device)
+        self.tints = TriangleColors(soft.parts, len(images), first_finish + len(visuals.textures), self.device)
         of_visuals, of_more = (
             [(*PLAIN[:2], start + index) for index in range(len(group))]
             for start, group in ((first_texture, visuals.textures), (len(images) - len(more), more))
@@ -108,7 +108,7 @@ class NewtonSource:
             raise WarpcamError(f"ambient must not be negative, got {ambient!r}")
         self._arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
         drawn = np.flatnonzero(tables.kinds != types.SPLATS).tolist()
-        self.parts = Parts(
+        self.parts = SceneDescription(
             num_worlds=num_worlds,
             shape_types=tables.kinds,
             shape_bodies=np.full(len(tables.kinds), -1, np.int32),
@@ -133,7 +133,7 @@ class NewtonSource:
             clouds=layout.clouds,
             splat_limits=wp.zeros(1, dtype=wp.vec2, device=self.device) if choice.solid and layout.clouds else None,
             lend_textures=self.tints.lend,
-            layers=veils_alone(tables.kinds, drawn, _opacity(model, tables), transparency),
+            layers=transparent_layers(tables.kinds, drawn, _opacity(model, tables), transparency),
         )
         self._out = WorldShapes()
         self._out.ids = wp.array(layout.ids, dtype=wp.int32, ndim=2, device=self.device)
@@ -160,16 +160,18 @@ class NewtonSource:
         self._read: tuple[Any, ...] = ()
         self._bound: tuple[Stage, ...] = ()
         self._soft, self._first_soft = soft, len(layout.meshes)
-        self._visual = {part: Moves(part, self.device) for part in soft.parts if isinstance(part, Visual)}
-        self._trees: list[Tree] | None = None
+        self._visual = {
+            part: AttachedVertices(part, self.device) for part in soft.parts if isinstance(part, VisualMesh)
+        }
+        self._trees: list[DeformingTree] | None = None
 
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays
 
-    def holds(self, field: str) -> bool:
+    def user_owned(self, field: str) -> bool:
         return field.startswith(("material_", "light_"))
 
-    def label(self, field: str) -> str:
+    def user_name(self, field: str) -> str:
         return f"scene.array({field!r})"
 
     def global_ambient(self) -> float:
@@ -185,7 +187,7 @@ class NewtonSource:
         kernels = [write_worlds]
         if self._soft.parts:
             kernels += kernels_of(not self._visual and all(part.backs for part in self._soft.parts))
-        return [*kernels, swell] if self._visual else kernels
+        return [*kernels, offset_vertices] if self._visual else kernels
 
     def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
         model = self._model
@@ -202,7 +204,7 @@ class NewtonSource:
             if len(self._stages) >= MAX_BOUND:
                 self._stages.pop(next(iter(self._stages)))
             flat = self._flat()
-            gathered = record_gather(flat, self._out, self.device)
+            gathered = bind_gather(flat, self._out, self.device)
             stages = (gathered, *self.tints.record(flat.face_colors), *self._record_soft(meshes, flat))
         self._stages[key] = stages
         self._read, self._bound = read, stages
@@ -218,22 +220,22 @@ class NewtonSource:
     def _record_soft(self, meshes: types.Meshes, flat: FlatShapes) -> list[Stage]:
         stages = []
         for part, tree in zip(self._soft.parts, self._move(meshes), strict=True):
-            if not isinstance(part, Visual):
+            if not isinstance(part, VisualMesh):
                 stages += tree.record(flat.points, aside=True)
             else:
                 moves = self._visual[part]
                 stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
         return stages
 
-    def _move(self, meshes: types.Meshes) -> list[Tree]:
+    def _move(self, meshes: types.Meshes) -> list[DeformingTree]:
         """The trees of the surfaces that move, made when the scene's meshes are there."""
         if self._trees is None:
             self._trees, first = [], self._first_soft
             for part in self._soft.parts:
                 assets = np.arange(first, first + len(part.worlds))
                 bases = np.asarray(part.bases)
-                shading, both = (part.shading, False) if isinstance(part, Visual) else (None, part.backs)
-                self._trees.append(Tree(meshes, assets, bases, part.faces, self.device, shading, both))
+                shading, both = (part.shading, False) if isinstance(part, VisualMesh) else (None, part.backs)
+                self._trees.append(DeformingTree(meshes, assets, bases, part.faces, self.device, shading, both))
                 first += len(part.worlds)
         return self._trees
 
@@ -287,7 +289,7 @@ def default_light(model: newton.Model) -> Light:
 class Columns:
     """The columns of all that is drawn: shapes, soft surfaces, particles."""
 
-    def __init__(self, layout: Layout, soft: Soft, first_finish: int, tints: Tints):
+    def __init__(self, layout: Layout, soft: Deformables, first_finish: int, tints: TriangleColors):
         num_worlds, shapes = layout.ids.shape
         width, loose = soft.num_columns, soft.particles
         self.faces, self.first_soft = np.full((num_worlds, width), -1, np.int32), shapes
@@ -312,7 +314,7 @@ class Columns:
         self.assets = np.hstack((own, assets[:rows], beside)).astype(np.int32)
         plain = np.zeros((len(layout.materials), len(self.kinds) - shapes), np.int32)
         for part in soft.parts:
-            if isinstance(part, Visual) and part.texture >= 0:
+            if isinstance(part, VisualMesh) and part.texture >= 0:
                 plain[:, part.column] = first_finish + part.texture
         plain = tints.materials(plain, num_worlds)
         own = np.broadcast_to(layout.materials, (len(plain), shapes))
@@ -325,7 +327,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
     widths = {"shapes": columns, "bodies": places, "cameras": 0, "materials": materials}
     arrays = {
         name: wp.zeros((num_worlds, widths[field.rows], *field.more), dtype=field.dtype, device=device)
-        for name, field in {**FIELDS, **PHYSICAL_FIELDS}.items()
+        for name, field in {**LIVE_ARRAYS, **PBR_LIVE_ARRAYS}.items()
         if field.rows in widths and name not in ("shape_assets", "shape_materials")
     }
     arrays["shape_assets"] = wp.array(tables.assets, dtype=wp.int32, ndim=2, device=device)
@@ -367,7 +369,7 @@ def _image(pixels: Any, index: int) -> TextureImage:
     return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
 
 
-def _marks(choice: Choice, layout: Layout) -> frozenset[int]:
+def _marks(choice: NewtonOptions, layout: Layout) -> frozenset[int]:
     """How textures lie where there are no texture coordinates, and which normals are written."""
     marks = {types.PROJECTED} if layout.textures else set()
     if layout.textures and choice.triplanar:
@@ -385,7 +387,7 @@ def load(
     semantics: Any,
     transparency: Any,
     textures: Sequence[Any] = (),
-    choice: Choice = EVERYTHING,
+    choice: NewtonOptions = EVERYTHING,
 ) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")

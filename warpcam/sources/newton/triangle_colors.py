@@ -8,11 +8,11 @@ import warp as wp
 
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import ROLE_COLOR, Textures
-from warpcam.sources.newton.kernels.triangle_colors import record_paint
+from warpcam.sources.newton.kernels.triangle_colors import bind_triangle_colors
 from warpcam.textures.pack import TextureImage
 
 if TYPE_CHECKING:
-    from warpcam.sources.newton.deformables import Part
+    from warpcam.sources.newton.deformables import DeformablePart
 
 
 def differ(colors: np.ndarray | None, triangles: Sequence[np.ndarray]) -> bool:
@@ -34,7 +34,7 @@ def texel_coordinates(count: int) -> np.ndarray:
     return np.ascontiguousarray(np.repeat(uvs[:, None], 3, axis=1), np.float32)
 
 
-class Tints:
+class TriangleColors:
     """The images: of each surface whose triangles differ one for each world that has it.
 
     Args:
@@ -44,7 +44,7 @@ class Tints:
         device: Of the scene.
     """
 
-    def __init__(self, parts: Sequence["Part"], first_texture: int, first_material: int, device: wp.Device):
+    def __init__(self, parts: Sequence["DeformablePart"], first_texture: int, first_material: int, device: wp.Device):
         self.parts = [part for part in parts if part.tinted]
         self._triangles = [rows for part in self.parts for rows in part.all_triangles]
         self._texture, self._material, self._device = first_texture, first_material, device
@@ -91,7 +91,7 @@ class Tints:
         """
         if self._texels is None or not colors.shape[0]:
             return []
-        return [record_paint(colors, self._rows, self._places, self._texels, self._device)]
+        return [bind_triangle_colors(colors, self._rows, self._places, self._texels, self._device)]
 
 
 def _blank(count: int) -> TextureImage:

@@ -12,10 +12,10 @@ import warp as wp
 
 from warpcam.accel.meshes import Mesh
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.update.refit import Shading
-from warpcam.kernels.update.skinning import Hull, record_bind, record_swell
-from warpcam.sources.newton.deformables import Part, Soft, is_closed
-from warpcam.sources.newton.options import Choice
+from warpcam.kernels.update.refit import FaceShading
+from warpcam.kernels.update.skinning import Shell, bind_attached_vertices, bind_offset_vertices
+from warpcam.sources.newton.deformables import DeformablePart, Deformables, is_closed
+from warpcam.sources.newton.options import NewtonOptions
 from warpcam.textures.pack import TextureImage
 
 VISUAL = -2  # stands for a triangle that nothing has: the surface is white
@@ -24,7 +24,7 @@ KIND: Any = getattr(getattr(newton.geometry, "DeformableVisualMesh", None), "Kin
 
 
 @dataclass(frozen=True, eq=False)
-class Visual(Part):
+class VisualMesh(DeformablePart):
     """Meshes of the same triangles, at most one in each world, or one in all.
 
     Attributes:
@@ -32,18 +32,18 @@ class Visual(Part):
         uvs: (face, 3, 2) float32, or None.
         texture: Index among those of all visuals, or -1.
         smooth: Whether it is; else its faces are flat.
-        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``kernels.swell.bind_vertices``.
+        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``kernels.update.skinning.attach_vertices``.
     """
 
-    hull: Hull = field(kw_only=True)
+    hull: Shell = field(kw_only=True)
     uvs: np.ndarray | None = field(kw_only=True)
     texture: int = field(kw_only=True)
     smooth: bool = field(kw_only=True)
     drivers: list[tuple[np.ndarray, np.ndarray]] = field(kw_only=True, default_factory=list)
 
     @property
-    def shading(self) -> Shading:
-        return Shading(num_smooth=len(self.faces) if self.smooth else 0)
+    def shading(self) -> FaceShading:
+        return FaceShading(num_smooth=len(self.faces) if self.smooth else 0)
 
     @property
     def num_points(self) -> int:
@@ -54,7 +54,7 @@ class Visual(Part):
 
 
 @dataclass(frozen=True, eq=False)
-class Visuals:
+class VisualMeshes:
     """All of them.
 
     Attributes:
@@ -63,30 +63,30 @@ class Visuals:
         particles: (particle,) bool, those that they hang on.
     """
 
-    parts: Sequence[Visual]
+    parts: Sequence[VisualMesh]
     textures: Sequence[TextureImage]
     particles: np.ndarray
 
 
-def read_visuals(model: newton.Model, choice: Choice) -> Visuals:
+def read_visuals(model: newton.Model, choice: NewtonOptions) -> VisualMeshes:
     reader = _Reader(model, choice)
     for mesh in getattr(model, "deformable_visual_meshes", ()) if choice.visual else ():
         if choice.shared or mesh.world >= 0:
             reader.add(mesh)
-    return Visuals(list(reader.parts.values()), reader.textures, reader.particles)
+    return VisualMeshes(list(reader.parts.values()), reader.textures, reader.particles)
 
 
-def with_visuals(soft: Soft, visuals: Visuals) -> Soft:
+def with_visuals(soft: Deformables, visuals: VisualMeshes) -> Deformables:
     """Surfaces of both kinds; the columns of visual meshes follow on those of soft parts."""
     parts = [replace(part, column=soft.num_columns + part.column) for part in visuals.parts]
     columns = soft.num_columns + len(parts)
     return replace(soft, parts=[*soft.parts, *parts], num_columns=columns)
 
 
-class Moves:
+class AttachedVertices:
     """Where the points of one visual are, in all worlds that have it."""
 
-    def __init__(self, part: Visual, device: wp.Device):
+    def __init__(self, part: VisualMesh, device: wp.Device):
         bonds, weights = (np.stack(rows) for rows in zip(*part.drivers, strict=True))
         count, num_vertices = bonds.shape[:2]
         self._device, self._surface = device, part.hull.upload(device)
@@ -102,17 +102,17 @@ class Moves:
         """Bind the stages that write ``points`` and ``normals``."""
         device = self._device
         return [
-            record_bind(self._bonds, self._weights, particles, bodies, self._vertices, device),
-            record_swell(self._surface, self._vertices, self._points, self._normals, device),
+            bind_attached_vertices(self._bonds, self._weights, particles, bodies, self._vertices, device),
+            bind_offset_vertices(self._surface, self._vertices, self._points, self._normals, device),
         ]
 
 
 class _Reader:
-    def __init__(self, model: newton.Model, choice: Choice):
+    def __init__(self, model: newton.Model, choice: NewtonOptions):
         self._choice = choice
         self._triangles = _table(model.tri_indices, 3)
         self._tetrahedra = _table(model.tet_indices, 4)
-        self.parts: dict[Any, Visual] = {}
+        self.parts: dict[Any, VisualMesh] = {}
         self.textures: list[TextureImage] = []
         self.particles = np.zeros(model.particle_count, bool)
         self._known: dict[Any, int] = {}
@@ -134,10 +134,10 @@ class _Reader:
         part.triangles.append(VISUAL)
         part.drivers.append(self._drivers(mesh))
 
-    def _part(self, faces: np.ndarray, vertices: np.ndarray, uvs: np.ndarray | None, texture: int) -> Visual:
+    def _part(self, faces: np.ndarray, vertices: np.ndarray, uvs: np.ndarray | None, texture: int) -> VisualMesh:
         count, backs = len(vertices), self._choice.backs
         both = not is_closed(faces) if backs is None else backs
-        hull = Hull(faces, count, 0.0, by_area=True, first_vertex=0, first_point=0, both=both)
+        hull = Shell(faces, count, 0.0, by_area=True, first_vertex=0, first_point=0, both=both)
         corners = None if uvs is None else uvs[faces]
         if both:  # seen from both sides
             back = np.array((0, 2, 1))
@@ -146,7 +146,9 @@ class _Reader:
             corners = None if corners is None else np.concatenate((corners, corners[:, back]))
         vertices = np.ascontiguousarray(vertices, np.float32)
         smooth = self._choice.smooth
-        return Visual(faces, vertices, len(self.parts), both, hull=hull, uvs=corners, texture=texture, smooth=smooth)
+        return VisualMesh(
+            faces, vertices, len(self.parts), both, hull=hull, uvs=corners, texture=texture, smooth=smooth
+        )
 
     def _drivers(self, mesh: "newton.geometry.DeformableVisualMesh") -> tuple[np.ndarray, np.ndarray]:
         parent = mesh.parent.numpy().reshape(-1)

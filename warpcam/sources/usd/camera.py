@@ -4,10 +4,10 @@ import math
 
 from pxr import Usd, UsdGeom
 
-from warpcam.sources.common.scene_graph import Eye
+from warpcam.sources.common.scene_graph import CameraNode
 
 
-def read_camera(camera: UsdGeom.Camera, node: int, name: str, time: Usd.TimeCode, unit: float) -> Eye:
+def read_camera(camera: UsdGeom.Camera, node: int, name: str, time: Usd.TimeCode, unit: float) -> CameraNode:
     """The camera at a time.
 
     Focal length, apertures and offsets are all in tenths of a stage unit, so that only their ratios matter, but for an
@@ -19,7 +19,7 @@ def read_camera(camera: UsdGeom.Camera, node: int, name: str, time: Usd.TimeCode
         clipping = (near, far)
     width = float(camera.GetHorizontalApertureAttr().Get(time)) or math.nan  # of nothing there is no image
     orthographic = camera.GetProjectionAttr().Get(time) == UsdGeom.Tokens.orthographic
-    return Eye(
+    return CameraNode(
         name=name,
         node=node,
         projection="orthographic" if orthographic else "pinhole",

@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 from pxr import Usd
 
-from warpcam.accel.gaussians import Cloud
-from warpcam.sources.common.gaussian_cloud import LEAST_RESPONSE, CloudForm, display_colors
+from warpcam.accel.gaussians import GaussianCloud
+from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE, CloudGeometry, display_colors
 
 KIND = "ParticleField3DGaussianSplat"
 HARMONICS = "radiance:sphericalHarmonicsCoefficients"
 
 
-def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudForm | None:
+def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudGeometry | None:
     """The prim's cloud; None if its arrays do not fit each other, or there are no positions."""
     positions = _array(prim, "positions", time)
     if positions is None or len(positions) == 0:
@@ -25,16 +25,16 @@ def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudForm | None:
     if any(len(array) != count for array in (rotations, scales, opacities)) or len(harmonics) % count:
         return None
     spaces = [prim.GetAttribute(name).GetColorSpace() for name in (HARMONICS, f"{HARMONICS}h")]
-    cloud = Cloud(
+    cloud = GaussianCloud(
         name=str(prim.GetPath()),
         positions=positions.astype(np.float32),
         rotations=rotations[:, [3, 0, 1, 2]].astype(np.float32),
         scales=scales.astype(np.float32),
         opacities=opacities.astype(np.float32),
         colors=display_colors(harmonics[:: len(harmonics) // count], any(s.startswith("lin_") for s in spaces if s)),
-        least_response=LEAST_RESPONSE,
+        least_response=MIN_RESPONSE,
     )
-    return CloudForm(cloud)
+    return CloudGeometry(cloud)
 
 
 def _array(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> np.ndarray | None:

@@ -5,9 +5,9 @@ from pxr import Usd
 
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE
 from warpcam.sources.common import tessellate
-from warpcam.sources.common.geometry import Form, Solid, Surface
+from warpcam.sources.common.geometry import Geometry, MeshGeometry, Primitive
 
-SOLIDS = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Capsule", "Capsule_1", "Cone", "Plane")
+GPRIMS = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Capsule", "Capsule_1", "Cone", "Plane")
 
 ROUND = {"Cylinder": CYLINDER, "Capsule": CAPSULE, "Cone": CONE}
 # Columns are the solid's x, y and z in the prim's frame: proper rotations that take z to the axis.
@@ -18,42 +18,42 @@ TURNS = {
 }
 
 
-def read_solid(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) -> Form:
+def read_gprim(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) -> Geometry:
     kind, name = str(prim.GetTypeName()), str(prim.GetPath())
     axis = prim.GetAttribute("axis").Get(time) if prim.GetAttribute("axis") else "Z"
     turn = TURNS.get(str(axis), TURNS["Z"])
     sizes = _sizes(prim, time)
     if kind == "Cube":
-        return Solid(name, BOX, sizes)
+        return Primitive(name, BOX, sizes)
     if kind == "Sphere":
-        return Solid(name, SPHERE, sizes)
+        return Primitive(name, SPHERE, sizes)
     if kind == "Plane":
         sides = prim.GetAttribute("doubleSided").Get(time) if double_sided is None else double_sided
         if not sides:
-            return Solid(name, PLANE, sizes, turn)
+            return Primitive(name, PLANE, sizes, turn)
         if min(sizes) <= 0.0:
-            return Solid(name, PLANE, sizes, turn)  # its back is another
+            return Primitive(name, PLANE, sizes, turn)  # its back is another
         vertices, faces, normals = tessellate.rectangle(sizes[0], sizes[1])
-        return Surface(name, vertices @ turn.T, faces, normals @ turn.T, two_sided=True)
+        return MeshGeometry(name, vertices @ turn.T, faces, normals @ turn.T, two_sided=True)
     if len(sizes) == 3:  # of two radii
         cut = tessellate.cylinder if kind.startswith("Cylinder") else tessellate.capsule
         vertices, faces, normals = cut(*sizes)
-        return Surface(name, vertices @ turn.T, faces, normals @ turn.T)
-    return Solid(name, ROUND[kind.removesuffix("_1")], sizes, turn)
+        return MeshGeometry(name, vertices @ turn.T, faces, normals @ turn.T)
+    return Primitive(name, ROUND[kind.removesuffix("_1")], sizes, turn)
 
 
-def back_of(form: Form, prim: Usd.Prim, double_sided: bool | None) -> Solid | None:
+def back_of(form: Geometry, prim: Usd.Prim, double_sided: bool | None) -> Primitive | None:
     """The other side of an endless plane that has two; all else has its back in itself."""
     sides = prim.GetAttribute("doubleSided").Get() if double_sided is None else double_sided
-    if not (isinstance(form, Solid) and form.type == PLANE and sides):
+    if not (isinstance(form, Primitive) and form.type == PLANE and sides):
         return None
-    return Solid(form.name, PLANE, tuple(form.size), form.turn @ np.diag((1.0, -1.0, -1.0)))
+    return Primitive(form.name, PLANE, tuple(form.size), form.turn @ np.diag((1.0, -1.0, -1.0)))
 
 
-def update_solid(form: Form, prim: Usd.Prim, time: Usd.TimeCode) -> None:
+def update_gprim(form: Geometry, prim: Usd.Prim, time: Usd.TimeCode) -> None:
     """Give a solid the sizes of another time; those that are meshes keep theirs."""
     sizes = _sizes(prim, time)
-    if isinstance(form, Solid) and len(sizes) < 4:
+    if isinstance(form, Primitive) and len(sizes) < 4:
         form.size = np.array((*sizes, 0.0, 0.0, 0.0)[:3], np.float64)
 
 

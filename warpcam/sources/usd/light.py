@@ -7,8 +7,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from warpcam.sources.common import materials
-from warpcam.sources.common.scene_graph import Lamp
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.scene_graph import LightNode
+from warpcam.sources.common.warnings import WarningCollector
 
 LOCAL = ("SphereLight", "DiskLight", "RectLight", "CylinderLight")
 SUN = ("DistantLight",)
@@ -34,10 +34,10 @@ def read_light(
     name: str,
     time: Usd.TimeCode,
     scale: float,
-    notes: Notes,
+    collector: WarningCollector,
     mean_of: Callable[[Sdf.AssetPath, str], np.ndarray | None],
     sky_of: Callable[[Sdf.AssetPath, str], np.ndarray | None],
-) -> Lamp:
+) -> LightNode:
     """The light at a time.
 
     Args:
@@ -46,7 +46,7 @@ def read_light(
         name: Its path.
         time: When.
         scale: Metres in one unit of its own.
-        notes: Where approximations are told.
+        collector: Where approximations are told.
         mean_of: The mean linear colour of an image.
         sky_of: The terms of a dome's image, (SKY_TERMS, 3).
     """
@@ -64,7 +64,7 @@ def read_light(
     with np.errstate(over="ignore", invalid="ignore"):
         radiance = color * value("intensity", 1.0) * np.exp2(value("exposure", 0.0))
     if not np.isfinite(radiance).all():
-        notes.warn("is of a brightness that is not finite, and gives no light", name)
+        collector.warn("is of a brightness that is not finite, and gives no light", name)
         radiance = np.zeros(3)
     normalize = bool(api.GetNormalizeAttr().Get(time))
     shadow = prim.GetAttribute("inputs:shadow:enable")
@@ -86,7 +86,7 @@ def read_light(
         if texture is not None and texture.path:
             laid = str(prim.GetAttribute("inputs:texture:format").Get(time))
             if laid not in ("automatic", "latlong"):
-                notes.warn(f"is a dome whose image is laid as {laid}, which is read as latlong", name)
+                collector.warn(f"is a dome whose image is laid as {laid}, which is read as latlong", name)
             image = sky_of(texture, name)
             if image is not None:
                 image_gain, terms = radiance, radiance * image
@@ -125,14 +125,14 @@ def read_light(
         if as_point or not seen > 0.0:
             form = "point"
         else:
-            notes.remark("casts hard shadows, as from its middle", name)
+            collector.remark("casts hard shadows, as from its middle", name)
     else:
-        notes.warn(f"is a light of type {kind}, which gives no light here", name)
-        return Lamp(name, node, "distant", (0.0, 0.0, 0.0), active=False)
+        collector.warn(f"is a light of type {kind}, which gives no light here", name)
+        return LightNode(name, node, "distant", (0.0, 0.0, 0.0), active=False)
     strength = np.maximum(np.nan_to_num(radiance * factor, posinf=0.0, neginf=0.0), 0.0)
     red, green, blue = (float(channel) for channel in strength)
     gain = [float(channel) for channel in np.nan_to_num(image_gain, posinf=0.0, neginf=0.0)]
-    return Lamp(
+    return LightNode(
         name,
         node,
         shape,

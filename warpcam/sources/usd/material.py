@@ -20,8 +20,8 @@ from warpcam.sources.common.images import (
     wrapped,
 )
 from warpcam.sources.common.opacity import opacity_of
-from warpcam.sources.common.scene_graph import Graph, Look
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.scene_graph import Material, SceneGraph
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.omnipbr import OmniInputs
 from warpcam.sources.usd.shader import OMNI, PREVIEW, surface_of, value_of
 from warpcam.sources.usd.texture import TextureInput, alike, count_of, file_bytes, identity, is_numbers
@@ -33,7 +33,7 @@ PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channel
 
 
 @dataclass(frozen=True, eq=False)
-class Bound:
+class BoundMaterial:
     """A material as a prim has it.
 
     Attributes:
@@ -54,9 +54,9 @@ class Bound:
 class MaterialReader:
     """Reads each material once, and keeps what they show in a graph."""
 
-    def __init__(self, graph: Graph, notes: Notes):
-        self._graph, self._notes = graph, notes
-        self._bound: dict[Sdf.Path, Bound] = {}
+    def __init__(self, graph: SceneGraph, collector: WarningCollector):
+        self._graph, self._collector = graph, collector
+        self._bound: dict[Sdf.Path, BoundMaterial] = {}
         self._pixels: dict[str, np.ndarray | None] = {}
         self._textures: dict[tuple[Any, ...], int] = {}
         self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
@@ -64,14 +64,14 @@ class MaterialReader:
         self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
         self.inherited: dict[str, np.ndarray] = {}  # of the point instance that is read: displayColor, displayOpacity
 
-    def bound_to(self, prim: Usd.Prim) -> Bound:
+    def bound_to(self, prim: Usd.Prim) -> BoundMaterial:
         """The material of a prim or a subset of one."""
         api = UsdShade.MaterialBindingAPI(prim)
         material = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]
         if not material:
             material = api.ComputeBoundMaterial(UsdShade.Tokens.full)[0]
         if not material:
-            return Bound()
+            return BoundMaterial()
         prim = material.GetPrim()
         path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
         if path not in self._bound:
@@ -83,14 +83,16 @@ class MaterialReader:
         bound = self.bound_to(prim)
         return self.own_color(bound, prim, time), bound.look
 
-    def own_color(self, bound: Bound, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, float, float, float] | None:
+    def own_color(
+        self, bound: BoundMaterial, prim: Usd.Prim, time: Usd.TimeCode
+    ) -> tuple[float, float, float, float] | None:
         """What a prim says of its colour and opacity, linear, with what its material says of the rest; None: all."""
         if not bound.by_color and not bound.by_opacity:
             return None
         red, green, blue, opacity = self._display_color(prim, time)
         if bound.look < 0:
             return red, green, blue, opacity
-        look = self._graph.looks[bound.look]
+        look = self._graph.materials[bound.look]
         opacity = opacity_of(None, opacity, look.cutoff)[0] if bound.by_opacity else look.opacity
         return (red, green, blue, opacity) if bound.by_color else (*look.color, opacity)
 
@@ -101,7 +103,7 @@ class MaterialReader:
             primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
             values = primvar.Get(time) if primvar and primvar.HasValue() else self.inherited.get(name)
             if primvar and primvar.ValueMightBeTimeVarying():
-                self._notes.warn(
+                self._collector.warn(
                     f"has {name} that changes with time, and keeps what it has at first", str(prim.GetPath())
                 )
             values = (
@@ -113,15 +115,15 @@ class MaterialReader:
     def painted(self, look: int, pixels: np.ndarray, name: str) -> int:
         """A look like that one, with colours of its own, (height, width, 3) uint8 display values."""
         texture = self._add_texture(name, pixels)
-        base = self._graph.looks[look] if look >= 0 else Look(name)
+        base = self._graph.materials[look] if look >= 0 else Material(name)
         own = replace(base, name=f"{name}/displayColor", color=materials.WHITE, texture=texture)
-        own = replace(own, normals=-1, packed=-1, glow=-1, opacity_map=-1)  # they lie by other coordinates
-        self._graph.looks.append(own)
-        return len(self._graph.looks) - 1
+        own = replace(own, normals=-1, packed=-1, emission_texture=-1, opacity_map=-1)  # they lie by other coordinates
+        self._graph.materials.append(own)
+        return len(self._graph.materials) - 1
 
     def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
         """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
-        base = self._graph.looks[look]
+        base = self._graph.materials[look]
         images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "glow", "opacity_map")}
         if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
             return look, uvs
@@ -139,8 +141,8 @@ class MaterialReader:
                     others[name] = self._add_texture(own, done[0], color=name in ("texture", "glow"))
                     scale, offset = done[1], done[2]
             if others:
-                self._graph.looks.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
-                self._wrapped[key] = len(self._graph.looks) - 1, scale, offset
+                self._graph.materials.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
+                self._wrapped[key] = len(self._graph.materials) - 1, scale, offset
         index, scale, offset = self._wrapped[key]
         if base.wrap != ("repeat", "repeat") and index != look:
             limits = [(0.5e-3 * s, 1.0 - 0.5e-3 * s) for s in scale]
@@ -175,12 +177,12 @@ class MaterialReader:
             self._graph.textures.append(cube_of_panorama(_rgb(pixels), turn))
             self._graph.texture_names.append(asset.path)
 
-    def _read(self, material: UsdShade.Material) -> Bound:
+    def _read(self, material: UsdShade.Material) -> BoundMaterial:
         name = str(material.GetPath())
         surface, inputs = surface_of(material)
         if surface is None:
-            self._notes.warn("has no surface that is known here, and shows the shapes' display colours", name)
-            return Bound()
+            self._collector.warn("has no surface that is known here, and shows the shapes' display colours", name)
+            return BoundMaterial()
         values: dict[str, Any] = {}
         textures: dict[str, TextureInput] = {}
         by_color = by_opacity = False
@@ -189,7 +191,7 @@ class MaterialReader:
                 given = surface.GetInput(source) if source else None
                 if not given:
                     continue
-                value, reader, primvar = value_of(given, self._notes)
+                value, reader, primvar = value_of(given, self._collector)
                 if reader is not None:
                     textures[what] = reader
                     if what == "color" and source == constant:  # the base colour, where its texture is missing
@@ -202,12 +204,12 @@ class MaterialReader:
                     if is_numbers(value, count):
                         values[what] = value
                     else:
-                        self._notes.warn(f"has {source} that is not {count_of(count)}, and is left out", name)
-        omni = OmniInputs(surface, self._notes, name) if inputs is OMNI else None
+                        self._collector.warn(f"has {source} that is not {count_of(count)}, and is left out", name)
+        omni = OmniInputs(surface, self._collector, name) if inputs is OMNI else None
         if omni is not None:
             textures = omni.textures(textures, values)
         ior = max(_number(values.get("ior"), 1.5), 0.0)
-        look = Look(
+        look = Material(
             name,
             color=_color(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
             roughness=_number(values.get("roughness"), 0.5),
@@ -228,11 +230,11 @@ class MaterialReader:
             look = replace(look, wrap=laid.wrap)
             uv, turn = laid.uv, laid.uv_turn
             if any(not alike(laid, other) for other in textures.values()):
-                self._notes.remark("has textures that lie in different ways, which are all laid as the first", name)
-        self._graph.looks.append(look)
-        return Bound(len(self._graph.looks) - 1, uv, turn, by_color, by_opacity)
+                self._collector.remark("has textures that lie in different ways, which are all laid as the first", name)
+        self._graph.materials.append(look)
+        return BoundMaterial(len(self._graph.materials) - 1, uv, turn, by_color, by_opacity)
 
-    def _with_maps(self, look: Look, textures: Mapping[str, TextureInput], name: str) -> Look:
+    def _with_maps(self, look: Material, textures: Mapping[str, TextureInput], name: str) -> Material:
         """The look with its textures, each a factor of the look's own value, which it replaces."""
         shown = textures.get("color")
         if shown is not None:
@@ -245,7 +247,7 @@ class MaterialReader:
         if glowing is not None:
             index = self._texture(glowing, name)
             if index >= 0:
-                look = replace(look, glow=index)
+                look = replace(look, emission_texture=index)
             else:
                 look = replace(look, emission=_color(glowing.fallback[:3], (0.0, 0.0, 0.0)))
         if "normal" in textures:
@@ -265,13 +267,13 @@ class MaterialReader:
 
     def _with_opacity(
         self,
-        look: Look,
+        look: Material,
         surface: Any,
         inputs: Mapping[str, Any],
         values: Mapping[str, Any],
         textures: dict[str, TextureInput],
         name: str,
-    ) -> Look:
+    ) -> Material:
         """The look with its opacity: a number, a map or a cut-out."""
 
         def says(switch: str) -> Any:
@@ -360,19 +362,19 @@ class MaterialReader:
                 if layer and Sdf.Layer.Find(layer)
                 else str(Ar.GetResolver().Resolve(first))
             )
-            self._notes.remark("is a texture in tiles, of which only the first is drawn", asset.path)
+            self._collector.remark("is a texture in tiles, of which only the first is drawn", asset.path)
         key = path or asset.path
         if key not in self._pixels:
             self._pixels[key] = None
             if not path:
-                self._notes.warn(
+                self._collector.warn(
                     "a texture is not found, and its material is drawn in its base colour", f"{asset.path} of {where}"
                 )
                 return None
             try:
                 self._pixels[key] = decoded(file_bytes(path))
             except UnreadableError as error:
-                self._notes.warn(
+                self._collector.warn(
                     f"a texture cannot be read ({error}), and its material is drawn in its base colour",
                     f"{asset.path} of {where}",
                 )

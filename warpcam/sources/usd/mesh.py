@@ -10,12 +10,12 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from warpcam.accel.meshes import face_normals
 from warpcam.accel.triangulation import triangulate
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.common.geometry import Surface, unit
+from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
 from warpcam.sources.common.materials import encoded
-from warpcam.sources.common.scene_graph import Item
-from warpcam.sources.common.warnings import Notes
-from warpcam.sources.usd.material import Bound, MaterialReader
+from warpcam.sources.common.scene_graph import ShapeInstance
+from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.material import BoundMaterial, MaterialReader
 
 SKINNING = ("primvars:skel:jointIndices", "skel:blendShapes")  # of what UsdSkel moves
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which a control cage is not smoothed
@@ -51,14 +51,14 @@ class Triangles:
 class MeshReader:
     """Reads each mesh once for each material that it has."""
 
-    def __init__(self, materials: MaterialReader, double_sided: bool | None, notes: Notes):
+    def __init__(self, materials: MaterialReader, double_sided: bool | None, collector: WarningCollector):
         self.double_sided = double_sided
-        self._materials, self._notes = materials, notes
+        self._materials, self._collector = materials, collector
         self._cut: dict[Sdf.Path, Triangles | None] = {}
-        self._parts: dict[tuple[Any, ...], tuple[Surface, int, bool]] = {}
+        self._parts: dict[tuple[Any, ...], tuple[MeshGeometry, int, bool]] = {}
         self.updates: list[Callable[[Usd.TimeCode], None]] = []
 
-    def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[Item]:
+    def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[ShapeInstance]:
         """The shapes that a mesh makes: one, or one for each material of its subsets."""
         path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
         if path not in self._cut:
@@ -71,13 +71,15 @@ class MeshReader:
         subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
         for subset in subsets:
             if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
-                self._notes.warn("is a subset of other things than faces, and is left out", str(subset.GetPath()))
+                self._collector.warn("is a subset of other things than faces, and is left out", str(subset.GetPath()))
                 continue
             indices = np.array(subset.GetIndicesAttr().Get(time) or [], np.int64)
             chosen = np.zeros(triangles.counts[0], bool)
             inside = (indices >= 0) & (indices < len(chosen))
             if not inside.all():
-                self._notes.warn("names faces that the mesh does not have, which are left out", str(subset.GetPath()))
+                self._collector.warn(
+                    "names faces that the mesh does not have, which are left out", str(subset.GetPath())
+                )
             chosen[indices[inside]] = True
             mine = chosen[triangles.faces] & rest
             rest &= ~mine
@@ -96,29 +98,31 @@ class MeshReader:
         path: Sdf.Path,
         node: int,
         name: str,
-        bound: Bound,
+        bound: BoundMaterial,
         triangles: Triangles,
         mine: np.ndarray,
         part: str,
         time: Usd.TimeCode,
-    ) -> Item:
+    ) -> ShapeInstance:
         # Of an instance the same unless what is inherited from outside differs: that is colours and bindings.
         color = self._materials.own_color(bound, prim, time)
         key = (path, part.rsplit("/", 1)[-1], bound.look, bound.uv)
         if key not in self._parts:
             self._parts[key] = self._part(prim, str(path), bound, triangles, mine, time)
         surface, look, painted = self._parts[key]
-        return Item(name, node, surface, look, (1.0, 1.0, 1.0, color[3]) if painted and color is not None else color)
+        return ShapeInstance(
+            name, node, surface, look, (1.0, 1.0, 1.0, color[3]) if painted and color is not None else color
+        )
 
     def _part(
         self,
         prim: Usd.Prim,
         name: str,
-        bound: Bound,
+        bound: BoundMaterial,
         triangles: Triangles,
         mine: np.ndarray,
         time: Usd.TimeCode,
-    ) -> tuple[Surface, int, bool]:
+    ) -> tuple[MeshGeometry, int, bool]:
         """Its surface and look, and whether that has the colours of its corners."""
         look = bound.look
         uvs = self._uvs(prim, bound, triangles, time)
@@ -132,7 +136,7 @@ class MeshReader:
             uvs = uvs[mine]
         normals = self._normals(prim, triangles, time)
         vertices, back = np.unique(triangles.vertices[mine], return_inverse=True)
-        surface = Surface(
+        surface = MeshGeometry(
             name,
             triangles.points[vertices],
             back.reshape(-1, 3).astype(np.int32),
@@ -145,12 +149,14 @@ class MeshReader:
             self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))
         return surface, look, painted is not None
 
-    def _move(self, surface: Surface, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode) -> None:
+    def _move(
+        self, surface: MeshGeometry, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode
+    ) -> None:
         points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
         if len(points) == count and np.isfinite(points).all():
             surface.vertices = points[vertices]
         else:
-            self._notes.warn(
+            self._collector.warn(
                 "has other points than at first, or none, at some times, and stays as it was", surface.name
             )
 
@@ -167,7 +173,7 @@ class MeshReader:
             holes = np.array(mesh.GetHoleIndicesAttr().Get(time) or [], np.int64)
             if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
                 smooth = True
-                self._notes.remark("is a subdivision surface, drawn as its control cage", name)
+                self._collector.remark("is a subdivision surface, drawn as its control cage", name)
         else:
             tets = UsdGeom.TetMesh(prim)
             surface = tets.GetSurfaceFaceVertexIndicesAttr().Get(time)
@@ -175,7 +181,7 @@ class MeshReader:
             indices = np.array(surface, np.int64).reshape(-1)
             counts, holes = np.full(len(indices) // 3, 3, np.int64), np.zeros(0, np.int64)
         if len(counts) == 0 or len(points) == 0:
-            self._notes.warn("is a mesh without faces", name)
+            self._collector.warn("is a mesh without faces", name)
             return None
         if counts.min() < 0 or counts.sum() != len(indices):
             raise WarpcamError(
@@ -186,7 +192,7 @@ class MeshReader:
             worst = indices.min() if indices.min() < 0 else indices.max()
             raise WarpcamError(f"mesh '{name}': faceVertexIndices has {worst}; allowed are 0 to {len(points) - 1}")
         if counts.min() < 3:
-            self._notes.warn("has faces of less than three corners, which are left out", name)
+            self._collector.warn("has faces of less than three corners, which are left out", name)
         corners, faces = triangulate(counts, indices, points)
         if len(holes):
             there = ~np.isin(faces, holes)
@@ -194,7 +200,7 @@ class MeshReader:
         if UsdGeom.Gprim(prim).GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
             corners = corners[:, [0, 2, 1]]
         if len(faces) == 0:
-            self._notes.warn("is a mesh without faces", name)
+            self._collector.warn("is a mesh without faces", name)
             return None
         sides = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time))
         two_sided = sides if self.double_sided is None else self.double_sided
@@ -204,14 +210,16 @@ class MeshReader:
             mesh = UsdGeom.Mesh(prim)
             fixed = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr())
             if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
-                self._notes.warn("changes its faces with time, and is drawn as it was at first", name)
+                self._collector.warn("changes its faces with time, and is drawn as it was at first", name)
                 moves = False
         skinned = (prim.GetAttribute(name).Get(Usd.TimeCode.EarliestTime()) for name in SKINNING)
         if any(value is not None and np.size(value) > 0 for value in skinned):
-            self._notes.warn("is moved by a skeleton, which is not followed: its points are drawn as they stand", name)
+            self._collector.warn(
+                "is moved by a skeleton, which is not followed: its points are drawn as they stand", name
+            )
         return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
 
-    def _uvs(self, prim: Usd.Prim, bound: Bound, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
+    def _uvs(self, prim: Usd.Prim, bound: BoundMaterial, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
         """(triangle, 3, 2), v up."""
         api = UsdGeom.PrimvarsAPI(prim)
         primvar = api.FindPrimvarWithInheritance(bound.uv) if bound.uv else None
@@ -269,11 +277,11 @@ class MeshReader:
         values = primvar.ComputeFlattened(time)
         if values is None or len(values) == 0:
             if primvar.IsIndexed():
-                self._notes.warn(f"has {name} whose indices are out of range, which are left out", triangles.name)
+                self._collector.warn(f"has {name} whose indices are out of range, which are left out", triangles.name)
             return None
         array = np.array(values, np.float64)
         if array.ndim != 2 or array.shape[1] < width:
-            self._notes.warn(f"has {name} of less than {width} numbers each, which are left out", triangles.name)
+            self._collector.warn(f"has {name} of less than {width} numbers each, which are left out", triangles.name)
             return None
         return self._spread(array[:, :width], primvar.GetInterpolation(), triangles, name)
 
@@ -289,12 +297,12 @@ class MeshReader:
             tokens.faceVarying: corners,
         }.get(how, -1)
         if len(values) < needed or needed < 0 or (how != tokens.constant and len(values) != needed):
-            self._notes.warn(
+            self._collector.warn(
                 f"has {what} of another number than its interpolation needs, which are left out", triangles.name
             )
             return None
         if not np.isfinite(values).all() and what != "normals":
-            self._notes.warn(f"has {what} that are not finite, which are left out", triangles.name)
+            self._collector.warn(f"has {what} that are not finite, which are left out", triangles.name)
             return None
         if how == tokens.constant:
             return np.broadcast_to(values[0], (*triangles.vertices.shape, values.shape[1]))

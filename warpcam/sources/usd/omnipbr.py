@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pxr import UsdShade
 
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.shader import value_of
 from warpcam.sources.usd.texture import TextureInput, count_of, is_numbers
 
@@ -27,8 +27,8 @@ NOT_DRAWN = {"albedo_desaturation": 0.0, "project_uvw": False, "texture_rotate":
 class OmniInputs:
     """The inputs of the surface of the material ``name``; what is not drawn is told."""
 
-    def __init__(self, surface: UsdShade.Shader, notes: Notes, name: str):
-        self._surface, self._notes, self._name = surface, notes, name
+    def __init__(self, surface: UsdShade.Shader, collector: WarningCollector, name: str):
+        self._surface, self._collector, self._name = surface, collector, name
 
     def tint(self) -> np.ndarray:
         """What its colour is multiplied by, (3,) linear."""
@@ -62,16 +62,16 @@ class OmniInputs:
         for name, nothing in NOT_DRAWN.items():
             value, texture = self._read(name)
             if texture is not None or (found and value is not None and value != nothing and nothing is not None):
-                self._notes.warn(f"has {name}, which is not drawn", self._name)
+                self._collector.warn(f"has {name}, which is not drawn", self._name)
         return found
 
     def _read(self, name: str) -> tuple[Any, TextureInput | None]:
         given = self._surface.GetInput(name)
-        return value_of(given, self._notes)[:2] if given else (None, None)
+        return value_of(given, self._collector)[:2] if given else (None, None)
 
     def _numbers(self, name: str, default: tuple[float, ...]) -> np.ndarray:
         value = self._read(name)[0]
         if value is not None and not is_numbers(value, len(default)):
-            self._notes.warn(f"has {name} that is not {count_of(len(default))}, and is left out", self._name)
+            self._collector.warn(f"has {name} that is not {count_of(len(default))}, and is left out", self._name)
             value = None
         return np.array(default if value is None else value, np.float64).reshape(len(default))

@@ -6,14 +6,14 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.common.geometry import Surface, unit
+from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
 from warpcam.sources.common.materials import encoded
-from warpcam.sources.common.scene_graph import Item
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.scene_graph import ShapeInstance
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.material import MaterialReader
 
-STRANDS = ("Points", "BasisCurves")
+POINT_PRIMS = ("Points", "BasisCurves")
 MOST_FACES = 2**20  # of one prim; more are cut more coarsely
 DETAIL = (3, 2, 1, 0)  # how often an icosahedron's faces are quartered for a ball
 COARSE = ((12, 8), (8, 4), (6, 2), (4, 1), (3, 1))  # sides of a tube, rings for each segment of a cubic curve
@@ -27,20 +27,20 @@ BASES = {
 Cut = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # vertices, faces, their normals, values of the vertices
 
 
-class StrandReader:
+class PointsAndCurvesReader:
     """Reads each prim once."""
 
-    def __init__(self, materials: MaterialReader, notes: Notes):
-        self._materials, self._notes = materials, notes
-        self._known: dict[Sdf.Path, tuple[Surface, np.ndarray | None] | None] = {}
+    def __init__(self, materials: MaterialReader, collector: WarningCollector):
+        self._materials, self._collector = materials, collector
+        self._known: dict[Sdf.Path, tuple[MeshGeometry, np.ndarray | None] | None] = {}
         self._painted: dict[tuple[Sdf.Path, int], int] = {}
 
-    def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[Item]:
+    def read(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> list[ShapeInstance]:
         path = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
         if path not in self._known:
             self._known[path] = self._cut(prim, str(path), time)
             if UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying():
-                self._notes.warn("changes its points with time, which stay as they were at first", str(path))
+                self._collector.warn("changes its points with time, which stay as they were at first", str(path))
         known = self._known[path]
         if known is None:
             return []
@@ -50,18 +50,18 @@ class StrandReader:
             if (path, look) not in self._painted:
                 self._painted[path, look] = self._materials.painted(look, image, str(path))
             look, color = self._painted[path, look], (1.0, 1.0, 1.0, color[3])
-        return [Item(name, node, surface, look, color)]
+        return [ShapeInstance(name, node, surface, look, color)]
 
-    def _cut(self, prim: Usd.Prim, name: str, time: Usd.TimeCode) -> tuple[Surface, np.ndarray | None] | None:
+    def _cut(self, prim: Usd.Prim, name: str, time: Usd.TimeCode) -> tuple[MeshGeometry, np.ndarray | None] | None:
         points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
         if not np.isfinite(points).all():
             raise WarpcamError(f"'{name}': points must be finite, got {points[~np.isfinite(points).all(1)][0]}")
         if len(points) == 0:
-            self._notes.warn("has no points", name)
+            self._collector.warn("has no points", name)
             return None
         given = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
         if not (given and given.HasValue()) and not prim.GetAttribute("widths").HasValue():
-            self._notes.warn("has no widths, and is not drawn", name)
+            self._collector.warn("has no widths, and is not drawn", name)
             return None
         cut = (self._balls if prim.IsA(UsdGeom.Points) else self._tubes)(prim, name, points, time)
         if cut is None or len(cut[1]) == 0:
@@ -71,7 +71,7 @@ class StrandReader:
         image = uvs = None
         if len(colors) and np.ptp(colors, axis=0).max() > 0.0:
             image, uvs = corner_colors(np.rint(255.0 * encoded(colors[faces])).astype(np.uint8))
-        return Surface(name, vertices, faces, normals, uvs), image
+        return MeshGeometry(name, vertices, faces, normals, uvs), image
 
     def _balls(self, prim: Usd.Prim, name: str, points: np.ndarray, time: Usd.TimeCode) -> Cut:
         tokens, one = UsdGeom.Tokens, {UsdGeom.Tokens.constant: 1}
@@ -96,7 +96,7 @@ class StrandReader:
             )
         kind, wrap = (str(a.Get(time)) for a in (curves.GetTypeAttr(), curves.GetWrapAttr()))
         basis = str(curves.GetBasisAttr().Get(time)) if kind == "cubic" else "linear"
-        lines = [Line(int(number), basis, wrap) for number in numbers]
+        lines = [Curve(int(number), basis, wrap) for number in numbers]
         starts = np.concatenate(([0], np.cumsum(numbers)[:-1]))
         ends = np.array([line.segments + (wrap != "periodic") for line in lines])
         counts = {
@@ -115,7 +115,7 @@ class StrandReader:
         tubes: dict[int, list[tuple[np.ndarray, np.ndarray]]] = {}
         for place, line in enumerate(lines):
             if line.segments < 1:
-                self._notes.warn("has curves of too few points, which are left out", name)
+                self._collector.warn("has curves of too few points, which are left out", name)
                 continue
             own = slice(starts[place], starts[place] + numbers[place])
             path = line.at(points[own], step)
@@ -157,13 +157,15 @@ class StrandReader:
                 found[place] = values, UsdGeom.Tokens.constant
             elif counts.get(how) != len(values) or not np.isfinite(values).all():
                 what = ("widths", "displayColor")[place]
-                self._notes.warn(f"has {what} of another number than its interpolation needs, which are left out", name)
+                self._collector.warn(
+                    f"has {what} of another number than its interpolation needs, which are left out", name
+                )
                 found[place] = np.ones((1, values.shape[1])), UsdGeom.Tokens.constant
         (widths, first), (shades, second) = found
         if counts[first] == counts[second] or 1 in (len(widths), len(shades)):
             how = first if len(widths) > 1 else second
         else:
-            self._notes.warn("has widths and colours of two interpolations, of which the widths are drawn", name)
+            self._collector.warn("has widths and colours of two interpolations, of which the widths are drawn", name)
             shades, how = np.ones((1, 3)), first
         rows = max(len(widths), len(shades))
         return np.hstack((np.broadcast_to(widths, (rows, 1)), np.broadcast_to(shades, (rows, 3)))), str(how)
@@ -172,11 +174,11 @@ class StrandReader:
         values = primvar.ComputeFlattened(time)
         if not values and primvar.IsIndexed():
             what = primvar.GetPrimvarName()
-            self._notes.warn(f"has {what} whose indices are out of range, which are left out", name)
+            self._collector.warn(f"has {what} whose indices are out of range, which are left out", name)
         return np.array(values, np.float64).reshape(-1, default.shape[-1]) if values else default
 
 
-class Line:
+class Curve:
     """How one curve runs between its points."""
 
     def __init__(self, count: int, basis: str, wrap: str):

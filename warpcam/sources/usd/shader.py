@@ -5,7 +5,7 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.texture import TextureInput, input_value, plain_texture, texture_input
 
 # Inputs by what they say. A texture of its own stands in an input beside the constant in OmniPBR.
@@ -46,7 +46,7 @@ def surface_of(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Map
     return None, PREVIEW
 
 
-def value_of(given: UsdShade.Input, notes: Notes) -> tuple[Any, TextureInput | None, str]:
+def value_of(given: UsdShade.Input, collector: WarningCollector) -> tuple[Any, TextureInput | None, str]:
     """Of an input its constant, or the texture reader it is connected to, or the primvar."""
     for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
         prim = attribute.GetPrim()
@@ -55,14 +55,14 @@ def value_of(given: UsdShade.Input, notes: Notes) -> tuple[Any, TextureInput | N
         output = attribute.GetName().removeprefix("outputs:")
         if attribute.GetName().startswith("outputs:"):
             if identifier == "UsdUVTexture":
-                return None, texture_input(shader, output, notes), ""
+                return None, texture_input(shader, output, collector), ""
             if identifier.startswith("UsdPrimvarReader"):
                 return None, None, str(input_value(shader, "varname", ""))
-            notes.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
+            collector.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
             continue
         value = attribute.Get(Usd.TimeCode.EarliestTime())
         if attribute.ValueMightBeTimeVarying():
-            notes.warn("has a value that changes with time, and keeps its first", str(attribute.GetPath()))
+            collector.warn("has a value that changes with time, and keeps its first", str(attribute.GetPath()))
         if isinstance(value, Sdf.AssetPath) and value.path:
             return None, plain_texture(value, attribute), ""
         return value, None, ""

@@ -12,12 +12,12 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.render.camera_binding import MAX_EXPOSURE
 from warpcam.scene.file_scene import DrivenScene
-from warpcam.scene.layers import choice_of
+from warpcam.scene.layers import check_tristate
 from warpcam.scene.validation import check_num_worlds, check_unit
 from warpcam.sources.common.images import named_images
-from warpcam.sources.common.scene_graph import Graph, Node
-from warpcam.sources.common.scene_graph_source import GraphSource
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.scene_graph import FrameNode, SceneGraph
+from warpcam.sources.common.scene_graph_source import SceneGraphSource
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.stage import StageReader
 
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -51,34 +51,34 @@ def load(
     if up_axis not in ("Z", None):
         raise WarpcamError(f'up_axis must be "Z", or None for the stage\'s own axes, got {up_axis!r}')
     check_unit(meters_per_unit)
-    choice_of("transparency", transparency)
+    check_tristate("transparency", transparency)
     images, where = named_images(textures), device_rule.resolve(device)
     stage, name = _opened(path_or_stage)
-    notes = Notes(name)
-    _tell_of_errors(stage, notes)
-    unit = _unit(stage, meters_per_unit, notes)
+    collector = WarningCollector(name)
+    _tell_of_errors(stage, collector)
+    unit = _unit(stage, meters_per_unit, collector)
     root = np.diag((unit, unit, unit, 1.0))
     if up_axis == "Z" and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
         root = root @ np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
-    graph = Graph(name, [Node("/", -1, root)])
+    graph = SceneGraph(name, [FrameNode("/", -1, root)])
     start = _time(stage, time)
     try:
-        StageReader(stage, graph, start, frozenset(purposes), double_sided, unit, notes).read()
+        StageReader(stage, graph, start, frozenset(purposes), double_sided, unit, collector).read()
     except Tf.ErrorException as error:
         raise WarpcamError(f"{name}: USD cannot read it: {_short(error)}") from None
     if not graph.items:
-        notes.say()
+        collector.say()
         raise WarpcamError(f"{name}: the stage has nothing that can be drawn: no visible geometry of a purpose that is")
     for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)
-    notes.say()
-    scene = DrivenScene(GraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
+    collector.say()
+    scene = DrivenScene(SceneGraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
     low, high = scene.bounds()
     size = float(np.linalg.norm(high - low))
     if size > 0.0 and not UNITS[0] <= size <= UNITS[1]:
-        notes.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
-        notes.say()
+        collector.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
+        collector.say()
     return scene
 
 
@@ -96,20 +96,20 @@ def _opened(path_or_stage: Any) -> tuple[Usd.Stage, str]:
         raise WarpcamError(f"{path}: USD cannot open it: {_short(error)}") from None
 
 
-def _tell_of_errors(stage: Usd.Stage, notes: Notes) -> None:
+def _tell_of_errors(stage: Usd.Stage, collector: WarningCollector) -> None:
     """Cyclic references, files that are not found, and the like: USD leaves such arcs out."""
     for error in stage.GetCompositionErrors():
-        notes.warn("is incomplete, USD left something out", " ".join(str(error).split()))
+        collector.warn("is incomplete, USD left something out", " ".join(str(error).split()))
 
 
-def _unit(stage: Usd.Stage, given: float | None, notes: Notes) -> float:
+def _unit(stage: Usd.Stage, given: float | None, collector: WarningCollector) -> float:
     if given is not None:
         return float(given)
     unit = float(UsdGeom.GetStageMetersPerUnit(stage))
     if not 0.0 < unit < math.inf:
         raise WarpcamError(f"the stage's metersPerUnit is {unit}; give meters_per_unit, a positive number")
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
-        notes.warn(
+        collector.warn(
             f"does not say its metersPerUnit; USD's default of {unit:g} is taken unless you give meters_per_unit"
         )
     return unit

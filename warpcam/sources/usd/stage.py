@@ -7,16 +7,16 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.common.geometry import Form, polar
-from warpcam.sources.common.scene_graph import Graph, Item, Node
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.geometry import Geometry, polar
+from warpcam.sources.common.scene_graph import FrameNode, SceneGraph, ShapeInstance
+from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.camera import read_camera
 from warpcam.sources.usd.gaussians import KIND, read_splats
-from warpcam.sources.usd.gprims import SOLIDS, back_of, read_solid, update_solid
+from warpcam.sources.usd.gprims import GPRIMS, back_of, read_gprim, update_gprim
 from warpcam.sources.usd.light import DOME, is_light, pole_of, read_light
 from warpcam.sources.usd.material import MaterialReader
 from warpcam.sources.usd.mesh import MeshReader
-from warpcam.sources.usd.points_and_curves import STRANDS, StrandReader
+from warpcam.sources.usd.points_and_curves import POINT_PRIMS, PointsAndCurvesReader
 
 MAX_DEPTH = 64  # of point instancers in each other
 NOT_DRAWN = ("NurbsCurves", "HermiteCurves", "NurbsPatch", "Volume", "ParticleField")
@@ -29,20 +29,20 @@ class StageReader:
     def __init__(
         self,
         stage: Usd.Stage,
-        graph: Graph,
+        graph: SceneGraph,
         time: Usd.TimeCode,
         purposes: frozenset[str],
         double_sided: bool | None,
         unit: float,
-        notes: Notes,
+        collector: WarningCollector,
     ):
-        self._stage, self._graph, self._time, self._purposes, self._notes = stage, graph, time, purposes, notes
+        self._stage, self._graph, self._time, self._purposes, self._collector = stage, graph, time, purposes, collector
         self._unit = unit
-        self._materials = MaterialReader(graph, notes)
-        self._meshes = MeshReader(self._materials, double_sided, notes)
-        self._strands = StrandReader(self._materials, notes)
-        self._solids: dict[Sdf.Path, Form] = {}
-        self._clouds: dict[Sdf.Path, Form | None] = {}
+        self._materials = MaterialReader(graph, collector)
+        self._meshes = MeshReader(self._materials, double_sided, collector)
+        self._strands = PointsAndCurvesReader(self._materials, collector)
+        self._solids: dict[Sdf.Path, Geometry] = {}
+        self._clouds: dict[Sdf.Path, Geometry | None] = {}
         self._updates: list[Callable[[Usd.TimeCode], None]] = []
 
     def read(self) -> None:
@@ -54,7 +54,7 @@ class StageReader:
     def _at_time(self, time: float) -> None:
         for update in (*self._updates, *self._meshes.updates):
             update(Usd.TimeCode(time))
-        self._notes.say()
+        self._collector.say()
 
     @staticmethod
     def _children(prim: Usd.Prim) -> list[Usd.Prim]:
@@ -101,7 +101,7 @@ class StageReader:
 
     def _add_node(self, prim: Usd.Prim, parent: int, name: str, rest: bool) -> int:
         above = self._graph.nodes[parent]
-        node = Node(name, parent, np.eye(4), instance=above.instance, labels=_labels(prim) or above.labels)
+        node = FrameNode(name, parent, np.eye(4), instance=above.instance, labels=_labels(prim) or above.labels)
         if prim.IsInstance():
             node.instance = len(self._graph.instances)
             self._graph.instances.append(name)
@@ -118,7 +118,7 @@ class StageReader:
                 node.local = _matrix(query.GetLocalTransformation(time))
                 node.resets = query.GetResetXformStack()
                 if not np.isfinite(node.local).all():
-                    self._notes.warn("has a transform that is not finite, and is left out", name)
+                    self._collector.warn("has a transform that is not finite, and is left out", name)
             if imageable:
                 node.visible = imageable.GetVisibilityAttr().Get(time) != UsdGeom.Tokens.invisible
 
@@ -133,30 +133,30 @@ class StageReader:
         if prim.IsA(UsdGeom.Mesh) or kind == "TetMesh":
             graph.items += self._meshes.read(prim, node, name, self._time)
             if prim.HasAPI(UsdLux.MeshLightAPI):
-                self._notes.warn("shines, which meshes do not here", name)
-        elif kind in STRANDS:
+                self._collector.warn("shines, which meshes do not here", name)
+        elif kind in POINT_PRIMS:
             graph.items += self._strands.read(prim, node, name, self._time)
-        elif kind in SOLIDS:
+        elif kind in GPRIMS:
             key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
-            form = self._solids.setdefault(key, read_solid(prim, self._time, self._meshes.double_sided))
+            form = self._solids.setdefault(key, read_gprim(prim, self._time, self._meshes.double_sided))
             color, look = self._materials.of_solid(prim, self._time)
-            graph.items.append(Item(name, node, form, look, color))
+            graph.items.append(ShapeInstance(name, node, form, look, color))
             back = back_of(form, prim, self._meshes.double_sided)
             if back is not None:
-                graph.items.append(Item(f"{name}/back", node, back, look, color))
+                graph.items.append(ShapeInstance(f"{name}/back", node, back, look, color))
             if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAuthoredAttributes()):
                 graph.nodes[node].moves = True
-                self._updates.append(lambda time: update_solid(form, prim, time))
+                self._updates.append(lambda time: update_gprim(form, prim, time))
         elif prim.IsA(UsdGeom.Camera):
-            self._add_live(graph.eyes, lambda t: read_camera(UsdGeom.Camera(prim), node, name, t, self._unit), prim)
+            self._add_live(graph.cameras, lambda t: read_camera(UsdGeom.Camera(prim), node, name, t, self._unit), prim)
         elif is_light(prim):
-            self._add_live(graph.lamps, lambda t: self._light(prim, node, name, t), prim)
+            self._add_live(graph.lights, lambda t: self._light(prim, node, name, t), prim)
             if kind in DOME:
                 self._materials.add_skybox(prim, self._time, self._turn(prim, node))
         elif kind == KIND:
             self._add_splats(prim, node, name)
         elif kind in NOT_DRAWN or kind.startswith("ParticleField"):
-            self._notes.warn(f"is of type {kind}, which is not drawn", name)
+            self._collector.warn(f"is of type {kind}, which is not drawn", name)
 
     def _add_splats(self, prim: Usd.Prim, node: int, name: str) -> None:
         key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
@@ -164,18 +164,18 @@ class StageReader:
             self._clouds[key] = read_splats(prim, self._time)
         form = self._clouds[key]
         if form is None:
-            self._notes.warn("has splats whose arrays are empty or differ in length, and is left out", name)
+            self._collector.warn("has splats whose arrays are empty or differ in length, and is left out", name)
             return
-        self._graph.items.append(Item(name, node, form))
+        self._graph.items.append(ShapeInstance(name, node, form))
         if prim.GetAttribute("positions").ValueMightBeTimeVarying():
-            self._notes.warn("has splats that change with time, and is drawn as it is at first", name)
+            self._collector.warn("has splats that change with time, and is drawn as it is at first", name)
 
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
         turn = self._turn(prim, node) if str(prim.GetTypeName()) in DOME else np.eye(3)
         materials = self._materials
         return read_light(
-            prim, node, name, time, scale, self._notes, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
+            prim, node, name, time, scale, self._collector, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
         )
 
     def _turn(self, dome: Usd.Prim, node: int) -> np.ndarray:
@@ -218,7 +218,7 @@ class StageReader:
         nodes = []
         for place, (which, matrix) in enumerate(zip(indices, placed, strict=True)):
             own = f"{name}[{place}]"
-            instance = Node(own, node, matrix, visible=bool(mask[place]), body=True)
+            instance = FrameNode(own, node, matrix, visible=bool(mask[place]), body=True)
             instance.instance = len(self._graph.instances)
             instance.labels = self._graph.nodes[node].labels
             self._graph.instances.append(own)
@@ -226,7 +226,7 @@ class StageReader:
             self._graph.nodes.append(instance)
             prototype = self._stage.GetPrimAtPath(targets[which])
             if not prototype or not prototype.IsActive():
-                self._notes.warn("is a prototype that does not exist", str(targets[which]))
+                self._collector.warn("is a prototype that does not exist", str(targets[which]))
                 continue
             self._materials.inherited = {
                 **above,
@@ -252,10 +252,10 @@ class StageReader:
             def update(time: Usd.TimeCode) -> None:
                 matrices = self._instance_matrices(instancer, indices, time)
                 if matrices is None:
-                    self._notes.warn("changes its number of instances with time, which stays as it was", name)
+                    self._collector.warn("changes its number of instances with time, which stays as it was", name)
                     return
                 if list(instancer.GetProtoIndicesAttr().Get(time) or []) != list(indices):
-                    self._notes.warn("changes its prototypes with time, and keeps those it had at first", name)
+                    self._collector.warn("changes its prototypes with time, and keeps those it had at first", name)
                 shown = instancer.ComputeMaskAtTime(time) or [True] * len(nodes)
                 for (_, instance), matrix, visible in zip(nodes, matrices, shown, strict=True):
                     instance.local, instance.visible = matrix, bool(visible)
@@ -272,7 +272,7 @@ class StageReader:
                 if len(values) in (1, count):
                     found[name] = np.asarray(values, np.float64).reshape(-1, channels)
                 else:
-                    self._notes.warn(f"has {name} of another number than its instances", str(instancer.GetPath()))
+                    self._collector.warn(f"has {name} of another number than its instances", str(instancer.GetPath()))
         return found
 
     def _instance_matrices(

@@ -7,7 +7,7 @@ import numpy as np
 from pxr import Ar, Sdf, Usd, UsdShade
 
 from warpcam.sources.common.images import UnreadableError
-from warpcam.sources.common.warnings import Notes
+from warpcam.sources.common.warnings import WarningCollector
 
 WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black"}  # all else repeats
 
@@ -28,7 +28,7 @@ class TextureInput:
     fallback: np.ndarray
 
 
-def texture_input(shader: UsdShade.Shader, channel: str, notes: Notes) -> TextureInput:
+def texture_input(shader: UsdShade.Shader, channel: str, collector: WarningCollector) -> TextureInput:
     file = shader.GetInput("file")
     attribute = next(iter(UsdShade.Utils.GetValueProducingAttributes(file)), None) if file else None
     asset = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
@@ -37,7 +37,7 @@ def texture_input(shader: UsdShade.Shader, channel: str, notes: Notes) -> Textur
     for source in UsdShade.Utils.GetValueProducingAttributes(st) if st else ():
         reader = UsdShade.Shader(source.GetPrim())
         if reader and reader.GetShaderId() == "UsdTransform2d":
-            turn = _uv_turn(reader, notes)
+            turn = _uv_turn(reader, collector)
             inner = reader.GetInput("in")
             producing = UsdShade.Utils.GetValueProducingAttributes(inner) if inner else []
             reader = UsdShade.Shader(producing[0].GetPrim()) if producing else None
@@ -54,9 +54,9 @@ def texture_input(shader: UsdShade.Shader, channel: str, notes: Notes) -> Textur
         ),
         uv=uv,
         uv_turn=turn,
-        scale=_numbers(shader, "scale", (1.0, 1.0, 1.0, 1.0), notes),
-        bias=_numbers(shader, "bias", (0.0, 0.0, 0.0, 0.0), notes),
-        fallback=_numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0), notes),
+        scale=_numbers(shader, "scale", (1.0, 1.0, 1.0, 1.0), collector),
+        bias=_numbers(shader, "bias", (0.0, 0.0, 0.0, 0.0), collector),
+        fallback=_numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0), collector),
     )
 
 
@@ -124,10 +124,10 @@ def count_of(count: int) -> str:
     return f"{count} finite numbers" if count > 1 else "a finite number"
 
 
-def _numbers(shader: UsdShade.Shader, name: str, default: tuple[float, ...], notes: Notes) -> np.ndarray:
+def _numbers(shader: UsdShade.Shader, name: str, default: tuple[float, ...], collector: WarningCollector) -> np.ndarray:
     value = input_value(shader, name, default)
     if not is_numbers(value, len(default)):
-        notes.warn(f"has {name} that is not {count_of(len(default))}, and is left out", str(shader.GetPath()))
+        collector.warn(f"has {name} that is not {count_of(len(default))}, and is left out", str(shader.GetPath()))
         value = default
     return np.array(value, np.float64).reshape(len(default))
 
@@ -137,9 +137,9 @@ def _layer_of(attribute: Usd.Attribute | None) -> str:
     return specs[0].layer.identifier if specs else ""
 
 
-def _uv_turn(shader: UsdShade.Shader, notes: Notes) -> np.ndarray:
+def _uv_turn(shader: UsdShade.Shader, collector: WarningCollector) -> np.ndarray:
     """UsdTransform2d: scale, then turn, then shift; (2, 3)."""
-    angle = np.radians(_numbers(shader, "rotation", (0.0,), notes)[0])
-    scale, shift = (_numbers(shader, n, d, notes) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
+    angle = np.radians(_numbers(shader, "rotation", (0.0,), collector)[0])
+    scale, shift = (_numbers(shader, n, d, collector) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
     c, s = np.cos(angle), np.sin(angle)
     return np.array(((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1])))

@@ -9,7 +9,7 @@ from PIL import Image, UnidentifiedImageError
 from warpcam.compat.common.scalars import whole
 from warpcam.compat.isaacgym.api.enums import INVALID_HANDLE, MeshType, check_segment, one_of
 from warpcam.compat.isaacgym.api.math_types import Vec3
-from warpcam.compat.isaacgym.cameras.appearance import MAX_LIGHTS, Lamp
+from warpcam.compat.isaacgym.cameras.appearance import MAX_LIGHTS, DirectionalLight
 from warpcam.compat.isaacgym.physics.environments import COLLIDES, VISIBLE, Actor, Env
 from warpcam.compat.isaacgym.physics.simulation import Sim, env_of, sim_of
 from warpcam.core.errors import WarpcamError
@@ -22,7 +22,7 @@ FLAGS = {
 }
 
 
-class LookCalls:
+class AppearanceCalls:
     """See ``Gym``."""
 
     def set_rigid_body_segmentation_id(self, env: Env, actor: int, body: int, segmentation_id: int) -> None:
@@ -31,7 +31,7 @@ class LookCalls:
         found = env_of(env, where).actor(actor, where)
         check_segment(segmentation_id, where)
         found.segments[found.body(body, where)] = int(segmentation_id)
-        env.sim.looks.changed += 1
+        env.sim.appearance.changed += 1
 
     def get_rigid_body_segmentation_id(self, env: Env, actor: int, body: int) -> int:
         where = "get_rigid_body_segmentation_id"
@@ -53,7 +53,7 @@ class LookCalls:
         if not all(0.0 <= value <= 1.0 for value in values):
             raise WarpcamError(f"set_rigid_body_color: color must be in [0, 1], got {color!r}")
         found.colors[shapes] = values
-        env.sim.looks.changed += 1
+        env.sim.appearance.changed += 1
 
     def get_rigid_body_color(self, env: Env, actor: int, body: int, mesh_type: MeshType) -> Vec3:
         """Of the first of those shapes."""
@@ -69,7 +69,7 @@ class LookCalls:
         render; from then on it is a number that changes.
         """
         found, shapes = _shapes(env, actor, body, mesh_type, "set_rigid_body_texture")
-        looks = env.sim.looks
+        looks = env.sim.appearance
         if not _is_there(texture, looks.textures):
             known = ", ".join(map(str, looks.textures)) or "none"
             raise WarpcamError(f"set_rigid_body_texture: texture {texture!r} came, there are {known}")
@@ -89,8 +89,8 @@ class LookCalls:
         chosen = FLAGS[one_of(MeshType, mesh_type, f"{where}: mesh type")]
         flags = np.asarray(found.asset.builder.shape_flags, np.int64)
         found.reset_looks(np.flatnonzero(flags & chosen))
-        env.sim.looks.changed += 1
-        env.sim.looks.textured += 1
+        env.sim.appearance.changed += 1
+        env.sim.appearance.textured += 1
 
     def create_texture_from_file(self, sim: Sim, path: str) -> int:
         """Read an image; its handle."""
@@ -118,7 +118,7 @@ class LookCalls:
     def free_texture(self, sim: Sim, texture: int) -> None:
         """Forget a texture, which nothing may have any more."""
         sim = sim_of(sim, "free_texture")
-        if not _is_there(texture, sim.looks.textures):
+        if not _is_there(texture, sim.appearance.textures):
             raise WarpcamError(f"free_texture: there is no texture {texture!r}")
         for env in sim.envs:
             for actor in env.actors:
@@ -127,7 +127,7 @@ class LookCalls:
                         f"free_texture: texture {texture} is on actor {actor.name!r} of environment {env.index}; "
                         "reset_actor_materials takes it off"
                     )
-        del sim.looks.textures[texture]
+        del sim.appearance.textures[texture]
 
     def set_light_parameters(self, sim: Sim, index: int, intensity: Vec3, ambient: Vec3, direction: Vec3) -> None:
         """A directional light, seen from the next render on.
@@ -148,8 +148,8 @@ class LookCalls:
         for name, values, came in (("intensity", light, intensity), ("ambient", everywhere, ambient)):
             if min(values) < 0.0:
                 raise WarpcamError(f"set_light_parameters: {name} must not be negative, got {came!r}")
-        sim.looks.lamps[int(index)] = Lamp(light, everywhere, toward)
-        sim.looks.lit += 1
+        sim.appearance.lamps[int(index)] = DirectionalLight(light, everywhere, toward)
+        sim.appearance.lit += 1
 
 
 def _shapes(env: Any, actor: Any, body: Any, mesh_type: Any, where: str) -> tuple[Actor, np.ndarray]:
@@ -175,7 +175,7 @@ def _numbers(value: Any, where: str) -> tuple[float, ...]:
 
 
 def _texture(sim: Sim, pixels: np.ndarray) -> int:
-    handle = sim.looks.next_texture
-    sim.looks.next_texture += 1
-    sim.looks.textures[handle] = np.ascontiguousarray(pixels)
+    handle = sim.appearance.next_texture
+    sim.appearance.next_texture += 1
+    sim.appearance.textures[handle] = np.ascontiguousarray(pixels)
     return handle

@@ -27,14 +27,14 @@ class CameraCalls:
         sensor = Sensor(env, env.next_camera, checked(props))
         env.cameras[sensor.handle] = sensor
         env.next_camera += 1
-        env.sim.studio.add(sensor)
+        env.sim.camera_batches.add(sensor)
         return sensor.handle
 
     def destroy_camera_sensor(self, sim: Sim, env: Env, camera: int) -> None:
         """Forget a camera. Tensors of its images stay as they are."""
         sensor = _sensor(env, camera, "destroy_camera_sensor", sim)
         del env.cameras[sensor.handle]
-        env.sim.studio.remove(sensor)
+        env.sim.camera_batches.remove(sensor)
 
     def set_camera_location(self, camera: int, env: Env, position: Vec3, target: Vec3) -> None:
         """Put a camera somewhere, in its environment's frame; it follows no body any more."""
@@ -112,7 +112,7 @@ class CameraCalls:
             sim.warn_once(
                 "render_all_camera_sensors: step_graphics was not called after simulate; here it is not needed"
             )
-        sim.studio.render(sim.physics, sim.envs)
+        sim.camera_batches.render(sim.physics, sim.envs)
 
     def get_camera_image(self, sim: Sim, env: Env, camera: int, image_type: ImageType) -> np.ndarray:
         """A copy of an image on the host, as of the last render.
@@ -123,7 +123,7 @@ class CameraCalls:
         """
         kind = check_kind(image_type, "get_camera_image")
         sensor = _sensor(env, camera, "get_camera_image", sim)
-        image = sim.studio.read(sensor, kind)
+        image = sim.camera_batches.read(sensor, kind)
         if kind == ImageType.IMAGE_SEGMENTATION:
             return image.view(np.uint32)
         return image.reshape(image.shape[0], -1)
@@ -140,7 +140,7 @@ class CameraCalls:
         sensor = _sensor(env, camera, where, sim)
         if not sensor.props.enable_tensors:
             raise WarpcamError(f"{where}: {sensor.where} was created with enable_tensors False; set it True before")
-        return sim.studio.tensor(sensor, kind, sim.device)
+        return sim.camera_batches.tensor(sensor, kind, sim.device)
 
     def start_access_image_tensors(self, sim: Sim) -> None:
         """From here on images are read; they are in order with torch's current stream."""

@@ -49,7 +49,7 @@ class SimCalls:
         sim = sim_of(sim, "destroy_sim")
         sim.alive = False
         sim.envs, sim._physics = [], None
-        del sim.studio
+        del sim.camera_batches
 
     def get_sim_params(self, sim: Sim) -> SimParams:
         """A copy."""

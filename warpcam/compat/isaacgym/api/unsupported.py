@@ -10,7 +10,7 @@ PHYSICS = "this front end is for cameras; sizes and states of inner bodies are t
 TENDONS = "tendons pull nothing here; those of an asset are held"
 SOFT = "there are no soft bodies or particles here; warpcam.from_newton draws Newton's"
 ATTRACTORS = "there are no attractors here; forces and drives of joints pull bodies"
-REFUSED: Mapping[str, str] = {
+UNSUPPORTED: Mapping[str, str] = {
     **dict.fromkeys(
         (
             "create_viewer", "destroy_viewer", "draw_viewer", "poll_viewer_events", "query_viewer_has_closed",
@@ -71,14 +71,14 @@ def why_missing(name: str) -> str:
     return reasons[0] if reasons else f"gymapi has no {name!r}"
 
 
-class Refusals:
+class UnsupportedCalls:
     """Whose missing calls say why they are missing."""
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        if name not in REFUSED:
+        if name not in UNSUPPORTED:
             raise AttributeError(f"Gym has no call {name!r}")
 
         def refuse(*_: Any, **__: Any) -> Any:
-            raise WarpcamError(f"Gym.{name} is not here: {REFUSED[name]}")
+            raise WarpcamError(f"Gym.{name} is not here: {UNSUPPORTED[name]}")
 
         return refuse

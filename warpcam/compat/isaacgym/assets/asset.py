@@ -18,7 +18,7 @@ from warpcam.compat.isaacgym.api.math_types import Transform
 from warpcam.compat.isaacgym.api.params import AssetOptions
 from warpcam.compat.isaacgym.api.property_types import ForceSensorProperties, TendonProperties, masses_of, surfaces_of
 from warpcam.compat.isaacgym.assets.merge_fixed_joints import Builder
-from warpcam.compat.isaacgym.assets.mjcf import Extras
+from warpcam.compat.isaacgym.assets.mjcf import MjcfDetails
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.mujoco import urdf
 
@@ -94,7 +94,7 @@ class Asset:
         self.surfaces, self.masses = surfaces_of(builder), masses_of(builder, bool(options.disable_gravity))
         self.first_surfaces = self.surfaces  # what the builder says
         self.sensors: list[tuple[int, Transform, ForceSensorProperties]] = []
-        self.extras = Extras(path)
+        self.extras = MjcfDetails(path)
         self.tendons: list[TendonProperties] | None = None
         self._model: newton.Model | None = None
         self.colors = np.array([tuple(color) for color in builder.shape_color], np.float32).reshape(-1, 3)

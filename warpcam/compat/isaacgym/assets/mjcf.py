@@ -14,7 +14,7 @@ APIRATE = re.compile(r"""\sapirate=["'][^"']*["']""")
 INCLUDE = re.compile(r"""<include\s+file=["']([^"']+)["']""")
 
 
-class Extras:
+class MjcfDetails:
     """Of one file, which is read when they are first asked for: MuJoCo makes a whole model of it.
 
     Args:

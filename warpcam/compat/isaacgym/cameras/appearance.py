@@ -15,14 +15,14 @@ from warpcam.compat.isaacgym.assets.textured_meshes import uv_mesh
 from warpcam.compat.isaacgym.kernels import state as kernels
 from warpcam.compat.isaacgym.physics.environments import COLLIDES, NO_TEXTURE, VISIBLE, Env, Grounds, Spot, build
 from warpcam.compat.isaacgym.physics.physics import Physics
-from warpcam.kernels.runtime.launch import Stage, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 MAX_LIGHTS = 4
 GEO = newton.GeoType
 
 
 @dataclass
-class Lamp:
+class DirectionalLight:
     """One of the directional lights; all linear.
 
     Attributes:
@@ -37,7 +37,7 @@ class Lamp:
 
 
 @dataclass
-class Looks:
+class Appearance:
     """What can be written at any time, for all environments.
 
     Attributes:
@@ -48,7 +48,7 @@ class Looks:
         lit: Grows with each change of a light.
     """
 
-    lamps: dict[int, Lamp] = field(default_factory=dict)
+    lamps: dict[int, DirectionalLight] = field(default_factory=dict)
     textures: dict[int, np.ndarray] = field(default_factory=dict)
     next_texture: int = 0
     changed: int = 0
@@ -68,7 +68,7 @@ class Looks:
         return self.meshes[key]
 
 
-class View:
+class EnvironmentScene:
     """Some environments as a camera sees them: a model of their own, or the one that is simulated.
 
     Attributes:
@@ -78,9 +78,15 @@ class View:
     """
 
     def __init__(
-        self, physics: Physics, envs: Sequence[Env], grounds: Grounds, looks: Looks, up: newton.Axis, colliders: bool
+        self,
+        physics: Physics,
+        envs: Sequence[Env],
+        grounds: Grounds,
+        looks: Appearance,
+        up: newton.Axis,
+        colliders: bool,
     ):
-        self._physics, self._grounds, self._looks, self._up = physics, grounds, looks, up
+        self._physics, self._grounds, self._appearance, self._up = physics, grounds, looks, up
         self.envs, self._colliders = envs, colliders
         self.starts = np.cumsum([0, *(env.counts.bodies for env in envs[:-1])])
         self.version = 0  # grows when the scene is another one
@@ -97,7 +103,7 @@ class View:
 
     def update(self) -> None:
         """Bring it up to date with states and looks."""
-        looks = self._looks
+        looks = self._appearance
         if (looks.changed, looks.textured, looks.lit) != self._seen:
             self._refresh()
         if not len(self._rows):  # nothing but the ground
@@ -105,11 +111,11 @@ class View:
         poses = self._physics.state.body_q
         if poses.ptr not in self._gather:  # there are two states, which change places
             inputs = [poses, self._rows, self._state.body_q]
-            self._gather[poses.ptr] = record(kernels.gather_poses, len(self._rows), inputs, self._physics.device)
+            self._gather[poses.ptr] = bind_launch(kernels.gather_poses, len(self._rows), inputs, self._physics.device)
         self._gather[poses.ptr].launch()
 
     def _refresh(self) -> None:
-        looks, before = self._looks, self._textures
+        looks, before = self._appearance, self._textures
         self._read()
         clothed = self._textures != NO_TEXTURE
         unknown = (clothed & ~self._clothed).any() or not set(self._textures[clothed].tolist()) <= set(self._images)
@@ -133,7 +139,7 @@ class View:
         self._ids = np.concatenate([np.zeros(0, np.int64), *ids])
 
     def _make(self) -> None:
-        physics, looks, device = self._physics, self._looks, self._physics.device
+        physics, looks, device = self._physics, self._appearance, self._physics.device
         clothed = self._textures != NO_TEXTURE
         self._clothed = clothed | self._clothed if len(self._clothed) else clothed  # once is always
         textured = bool(self._clothed.any())
@@ -174,7 +180,7 @@ class View:
             if place < 0 or not self._clothed[place] or not builder.shape_flags[shape]:
                 continue
             kind, source = builder.shape_type[shape], builder.shape_source[shape]
-            mesh = self._looks.mesh(kind, builder.shape_scale[shape], source)
+            mesh = self._appearance.mesh(kind, builder.shape_scale[shape], source)
             if mesh is None:
                 self._bare[shape] = True
                 logging.getLogger("warpcam").warning(
@@ -211,13 +217,13 @@ class View:
         array.assign(np.where(textures == NO_TEXTURE, self._own_materials, row[textures]).astype(np.int32))
 
     def _count_lights(self) -> int:
-        return max(self._looks.lamps, default=-1) + 1
+        return max(self._appearance.lamps, default=-1) + 1
 
     def _light(self) -> None:
         if not self._lights:
             return
-        off = Lamp((0.0,) * 3, (0.0,) * 3, (0.0, 0.0, 1.0))
-        lamps = [self._looks.lamps.get(index, off) for index in range(self._lights)]
+        off = DirectionalLight((0.0,) * 3, (0.0,) * 3, (0.0, 0.0, 1.0))
+        lamps = [self._appearance.lamps.get(index, off) for index in range(self._lights)]
         toward = np.array([lamp.direction for lamp in lamps], np.float32)
         length = np.linalg.norm(toward, axis=1, keepdims=True)
         toward = np.where(length > 0.0, toward / np.maximum(length, 1e-12), (0.0, 0.0, 1.0))

@@ -11,14 +11,14 @@ import warp as wp
 import warpcam as wc
 from warpcam.compat.isaacgym.api.enums import ImageType, one_of
 from warpcam.compat.isaacgym.api.tensors import Tensor
-from warpcam.compat.isaacgym.cameras.appearance import Looks, View
+from warpcam.compat.isaacgym.cameras.appearance import Appearance, EnvironmentScene
 from warpcam.compat.isaacgym.cameras.sensor import SAMPLES, Sensor, axes, focal_length
 from warpcam.compat.isaacgym.kernels import state as kernels
 from warpcam.compat.isaacgym.physics.environments import Env, Grounds
 from warpcam.compat.isaacgym.physics.physics import Physics
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import Stage, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 COLOR, DEPTH, SEGMENTATION, FLOW = ImageType
 NEEDS = {COLOR: ("rgba",), DEPTH: ("depth",), SEGMENTATION: ("segmentation",), FLOW: ("flow", "flow_valid")}
@@ -43,7 +43,7 @@ class Batch:
         moved: Whether one has been put elsewhere since they were last placed.
     """
 
-    def __init__(self, name: str, view: View, sensors: Sequence[Sensor], device: wp.Device, turn: wp.quat):
+    def __init__(self, name: str, view: EnvironmentScene, sensors: Sequence[Sensor], device: wp.Device, turn: wp.quat):
         self.name, self.view, self.sensors, self.device, self._turn = name, view, list(sensors), device, turn
         self.moved, self.alive = True, len(sensors)
         count = len(sensors)
@@ -77,7 +77,7 @@ class Batch:
         """What writes where the cameras are into a renderer's arrays, from the poses of the view's bodies."""
         into = [torch_interop.as_array(arrays.position), torch_interop.as_array(arrays.rotation)]
         inputs = [self.view.poses, self._modes, self._bodies, self._offsets, self._turn, *into]
-        return record(kernels.place_cameras, len(self.sensors), inputs, self.device)
+        return bind_launch(kernels.place_cameras, len(self.sensors), inputs, self.device)
 
     def settle(self) -> None:
         """Bring up to date what it is made of."""
@@ -91,22 +91,22 @@ class Batch:
             self.moved = False
 
 
-class Album:
+class ImageBuffers:
     """Where the images of one type of a batch's cameras go.
 
     Attributes:
-        sheet: (world, height, width, channels), or None where each camera has memory of its own.
+        images: (world, height, width, channels), or None where each camera has memory of its own.
     """
 
     def __init__(self, batch: Batch, kind: ImageType, together: bool):
         self.batch, self.kind, self.dirty = batch, kind, True
         self._addresses = wp.zeros(len(batch.sensors), dtype=wp.uint64, device=batch.device)
-        self.sheet: torch_interop.Tensor | None = None
+        self.images: torch_interop.Tensor | None = None
         self._host: np.ndarray | None = None
         self._reads = 0
         if together:
             shape = (len(batch.sensors), *shape_of(batch.sensors[0], kind))
-            self.sheet = torch_interop.to_torch(wp.zeros(shape, dtype=DTYPES[kind], device=batch.device))
+            self.images = torch_interop.to_torch(wp.zeros(shape, dtype=DTYPES[kind], device=batch.device))
 
     def record(self, renderer: wc.Renderer) -> Stage:
         """What writes them from a renderer's images of the batch."""
@@ -125,7 +125,7 @@ class Album:
             inputs, kernel = [first.reshape((worlds, pixels))], kernels.write_depth
         else:
             inputs, kernel = [first.reshape((worlds, pixels)), batch.view.ids], kernels.write_ids
-        return record(kernel, worlds * pixels, [*inputs, self._addresses], device)
+        return bind_launch(kernel, worlds * pixels, [*inputs, self._addresses], device)
 
     def settle(self) -> None:
         """Forget what was read of the last render, and bring up to date where images go."""
@@ -136,27 +136,27 @@ class Album:
 
     def read(self, world: int) -> np.ndarray:
         """One image of the sheet on the host; all of them are fetched when a second one is asked for."""
-        assert self.sheet is not None
+        assert self.images is not None
         self._reads += 1
-        if self._host is None and self._reads > 1 and self.sheet.nbytes <= AT_ONCE:
-            self._host = torch_interop.to_numpy(self.sheet)
+        if self._host is None and self._reads > 1 and self.images.nbytes <= AT_ONCE:
+            self._host = torch_interop.to_numpy(self.images)
         if self._host is not None:
             return self._host[world].copy()
-        return np.array(torch_interop.to_numpy(self.sheet[world]))
+        return np.array(torch_interop.to_numpy(self.images[world]))
 
     def _where(self) -> list[int]:
-        if self.sheet is not None:
-            first, step = self.sheet.data_ptr(), self.sheet[0].nbytes
+        if self.images is not None:
+            first, step = self.images.data_ptr(), self.images[0].nbytes
             return [first + world * step for world in range(len(self.batch.sensors))]
         found = [sensor.tensors.get(self.kind) if sensor.world >= 0 else None for sensor in self.batch.sensors]
         return [0 if tensor is None else tensor.data_ptr for tensor in found]
 
 
-class Shot:
+class BatchRenderer:
     """Batches that are drawn together by one renderer."""
 
-    def __init__(self, view: View, albums: Sequence[Album]):
-        self.view, self.albums, self.frame = view, list(albums), -1
+    def __init__(self, view: EnvironmentScene, albums: Sequence[ImageBuffers]):
+        self.view, self.buffers, self.frame = view, list(albums), -1
         self._device = albums[0].batch.device
         self._renderer: wc.Renderer | None = None
         self._version = -1
@@ -164,7 +164,7 @@ class Shot:
         self._after: list[Stage] = []
 
     def drop(self, batch: Batch) -> None:
-        self.albums = [album for album in self.albums if album.batch is not batch]
+        self.buffers = [album for album in self.buffers if album.batch is not batch]
         self._version = -1
 
     def draw(self, frame: int) -> None:
@@ -178,38 +178,38 @@ class Shot:
                 stage.launch()
         renderer.render()
         with torch_interop.in_order(self._device):
-            for album in self.albums:
+            for album in self.buffers:
                 album.settle()
             for stage in self._after:
                 stage.launch()
         self.frame = frame
 
     def _build(self) -> wc.Renderer:
-        self._batches = list(dict.fromkeys(album.batch for album in self.albums))
+        self._batches = list(dict.fromkeys(album.batch for album in self.buffers))
         self._renderer = None  # its memory is free before another takes some
         self._before, self._after = [], []
         cameras = []
         for batch in self._batches:
-            names = [name for album in self.albums if album.batch is batch for name in NEEDS[album.kind]]
+            names = [name for album in self.buffers if album.batch is batch for name in NEEDS[album.kind]]
             cameras.append(batch.camera(names))
         renderer = self._renderer = wc.Renderer(self.view.scene, cameras)
         self._before = [batch.record(renderer.camera(batch.name)) for batch in self._batches]
-        self._after = [album.record(renderer) for album in self.albums]
+        self._after = [album.record(renderer) for album in self.buffers]
         self._version = self.view.version
         return renderer
 
 
-class Studio:
+class CameraBatches:
     """The cameras of a simulation."""
 
-    def __init__(self, looks: Looks, grounds: Grounds, up: newton.Axis):
-        self._looks, self._grounds, self._up = looks, grounds, up
+    def __init__(self, appearance: Appearance, grounds: Grounds, up: newton.Axis):
+        self._appearance, self._grounds, self._up = appearance, grounds, up
         self._new: list[Sensor] = []
         self._asked: list[tuple[Sensor, ImageType]] = []  # tensors that nothing draws yet
-        self._views: dict[tuple[Any, ...], View] = {}
-        self._shots: list[Shot] = []
-        self._later: dict[tuple[Batch, ImageType], Shot] = {}  # drawn only when somebody looks
-        self._albums: dict[tuple[Batch, ImageType], Album] = {}
+        self._views: dict[tuple[Any, ...], EnvironmentScene] = {}
+        self._renderers: list[BatchRenderer] = []
+        self._later: dict[tuple[Batch, ImageType], BatchRenderer] = {}  # drawn only when somebody looks
+        self._buffers: dict[tuple[Batch, ImageType], ImageBuffers] = {}
         self._batches: list[Batch] = []
         self._count = 0
         self.frame = 0
@@ -226,15 +226,15 @@ class Studio:
         if batch is None:
             return
         batch.alive -= 1
-        for album in self._albums.values():
+        for album in self._buffers.values():
             album.dirty |= album.batch is batch
         if batch.alive:
             return
-        for shot in self._shots:
-            shot.drop(batch)
-        self._shots = [shot for shot in self._shots if shot.albums]
-        self._later = {key: shot for key, shot in self._later.items() if key[0] is not batch}
-        self._albums = {key: album for key, album in self._albums.items() if key[0] is not batch}
+        for batch_renderer in self._renderers:
+            batch_renderer.drop(batch)
+        self._renderers = [batch_renderer for batch_renderer in self._renderers if batch_renderer.buffers]
+        self._later = {key: batch_renderer for key, batch_renderer in self._later.items() if key[0] is not batch}
+        self._buffers = {key: album for key, album in self._buffers.items() if key[0] is not batch}
         self._batches.remove(batch)
         used = {id(other.view) for other in self._batches}
         self._views = {key: view for key, view in self._views.items() if id(view) in used}
@@ -254,8 +254,8 @@ class Studio:
             for view in self._views.values():
                 view.update()
         self.frame += 1
-        for shot in self._shots:
-            shot.draw(self.frame)
+        for batch_renderer in self._renderers:
+            batch_renderer.draw(self.frame)
 
     def read(self, sensor: Sensor, kind: ImageType) -> np.ndarray:
         """A copy of a camera's image as of the last render."""
@@ -263,16 +263,16 @@ class Studio:
             raise WarpcamError(
                 f"get_camera_image: {sensor.where} has not been rendered yet; render_all_camera_sensors does"
             )
-        if kind in sensor.tensors and (sensor.batch, kind) in self._albums:
+        if kind in sensor.tensors and (sensor.batch, kind) in self._buffers:
             return np.array(torch_interop.to_numpy(sensor.tensors[kind].torch))
         key = (sensor.batch, kind)
         if key not in self._later:
-            self._later[key] = Shot(sensor.batch.view, [Album(sensor.batch, kind, together=True)])
+            self._later[key] = BatchRenderer(sensor.batch.view, [ImageBuffers(sensor.batch, kind, together=True)])
             if kind == FLOW:  # since the render before, whoever looks
-                self._shots.append(self._later[key])
+                self._renderers.append(self._later[key])
         if self._later[key].frame != self.frame:
             self._later[key].draw(self.frame)
-        return self._later[key].albums[0].read(sensor.world)
+        return self._later[key].buffers[0].read(sensor.world)
 
     def _settle(self, physics: Physics, envs: Sequence[Env]) -> None:
         """Give new cameras their batches, and new tensors what draws them."""
@@ -290,19 +290,21 @@ class Studio:
             self._count += 1
             self._batches.append(Batch(f"camera {self._count}", view, sensors, physics.device, turn))
         self._new = []
-        fresh: dict[int, tuple[View, list[Album]]] = {}
+        fresh: dict[int, tuple[EnvironmentScene, list[ImageBuffers]]] = {}
         for sensor, kind in self._asked:
             key = (sensor.batch, kind)
-            if key not in self._albums:
-                self._albums[key] = Album(sensor.batch, kind, together=False)
+            if key not in self._buffers:
+                self._buffers[key] = ImageBuffers(sensor.batch, kind, together=False)
                 view = sensor.batch.view
-                fresh.setdefault(id(view), (view, []))[1].append(self._albums[key])
-            self._albums[key].dirty = True
+                fresh.setdefault(id(view), (view, []))[1].append(self._buffers[key])
+            self._buffers[key].dirty = True
         self._asked = []
-        self._shots += [Shot(view, albums) for view, albums in fresh.values()]
+        self._renderers += [BatchRenderer(view, albums) for view, albums in fresh.values()]
 
-    def _view(self, physics: Physics, all_envs: Sequence[Env], envs: Sequence[Env], colliders: bool) -> View:
+    def _view(
+        self, physics: Physics, all_envs: Sequence[Env], envs: Sequence[Env], colliders: bool
+    ) -> EnvironmentScene:
         key = (colliders, tuple(env.index for env in envs))
         if key not in self._views:
-            self._views[key] = View(physics, envs, self._grounds, self._looks, self._up, colliders)
+            self._views[key] = EnvironmentScene(physics, envs, self._grounds, self._appearance, self._up, colliders)
         return self._views[key]

@@ -21,7 +21,7 @@ SPACES = {
 }
 
 
-class Pushes:
+class AppliedForces:
     """What is to be added to the forces on a model's bodies in the next step.
 
     Args:

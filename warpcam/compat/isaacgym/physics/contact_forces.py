@@ -12,7 +12,7 @@ from warpcam.compat.isaacgym.kernels.state import launch
 from warpcam.core.errors import WarpcamError
 
 
-class Contacts:
+class ContactForces:
     """What contacts do to the bodies of a model.
 
     Attributes:

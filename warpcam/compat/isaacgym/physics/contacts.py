@@ -15,7 +15,7 @@ from warpcam.core.errors import WarpcamError
 
 
 @dataclass(frozen=True)
-class Touches:
+class ContactList:
     """What MuJoCo knows of contacts.
 
     Attributes:
@@ -63,14 +63,14 @@ def contacts_of(solver: Any, model: newton.Model, state: newton.State, envs: Seq
     return rows[found.gaps < found.reach]
 
 
-def _on_host(solver: Any) -> Touches:
+def _on_host(solver: Any) -> ContactList:
     import mujoco
 
     model, data = solver.mj_model, solver.mj_data
     contact, forces = data.contact, np.zeros((data.ncon, 6))
     for index in range(data.ncon):
         mujoco.mj_contactForce(model, data, index, forces[index])
-    return Touches(
+    return ContactList(
         geoms=contact.geom.reshape(-1, 2),
         worlds=np.zeros(data.ncon, np.int64),
         places=contact.pos.reshape(-1, 3),
@@ -82,7 +82,7 @@ def _on_host(solver: Any) -> Touches:
     )
 
 
-def _on_device(solver: Any, device: wp.Device) -> Touches:
+def _on_device(solver: Any, device: wp.Device) -> ContactList:
     import mujoco_warp
 
     model, data = solver.mjw_model, solver.mjw_data
@@ -93,7 +93,7 @@ def _on_device(solver: Any, device: wp.Device) -> Touches:
             ids = wp.array(np.arange(count, dtype=np.int32), dtype=wp.int32, device=device)
             mujoco_warp.contact_force(model, data, ids, False, forces)
     contact = data.contact
-    return Touches(
+    return ContactList(
         geoms=contact.geom.numpy()[:count],
         worlds=contact.worldid.numpy()[:count],
         places=contact.pos.numpy()[:count],

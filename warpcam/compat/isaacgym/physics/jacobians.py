@@ -14,7 +14,7 @@ from warpcam.core.errors import WarpcamError
 
 
 @dataclass(frozen=True)
-class Trees:
+class ArticulationTrees:
     """Actors of one name.
 
     Attributes:
@@ -30,7 +30,7 @@ class Trees:
     speeds: int
 
 
-class Matrices:
+class JacobianArrays:
     """Of the actors of a model, both along the world's axes and about bodies' centres of mass.
 
     Args:
@@ -41,7 +41,7 @@ class Matrices:
 
     def __init__(self, model: newton.Model, actors: Sequence[Actor], start_of: Callable[[Actor], Counts]):
         self._model, self._actors, self._start_of = model, actors, start_of
-        self._trees: dict[str, Trees] = {}
+        self._trees: dict[str, ArticulationTrees] = {}
         self._scratch: dict[str, wp.array] = {}
 
     def jacobians(self, name: str) -> tuple[tuple[int, ...], Callable[[newton.State, wp.array], None]]:
@@ -82,12 +82,12 @@ class Matrices:
             self._scratch[name] = wp.zeros(shape, dtype=dtype, device=self._model.device)
         return self._scratch[name]
 
-    def _of(self, name: str, where: str) -> Trees:
+    def _of(self, name: str, where: str) -> ArticulationTrees:
         if name not in self._trees:
             self._trees[name] = self._find(name, where)
         return self._trees[name]
 
-    def _find(self, name: str, where: str) -> Trees:
+    def _find(self, name: str, where: str) -> ArticulationTrees:
         actors = [actor for actor in self._actors if actor.name == name]
         if not actors:
             known = ", ".join(sorted({repr(actor.name) for actor in self._actors}))
@@ -107,7 +107,7 @@ class Matrices:
         if builder.joint_type[0] == newton.JointType.FIXED:
             links = [joint for joint in links if joint]
         device = self._model.device
-        return Trees(
+        return ArticulationTrees(
             wp.array(chosen, dtype=wp.bool, device=device),
             wp.array(found.astype(np.int32), dtype=wp.int32, device=device),
             wp.array(np.array(links, np.int32), dtype=wp.int32, device=device),

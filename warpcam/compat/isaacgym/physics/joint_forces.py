@@ -10,7 +10,7 @@ from warpcam.compat.isaacgym.kernels.state import launch
 from warpcam.core.errors import WarpcamError
 
 
-class Efforts:
+class JointForces:
     """What drives and programs do to the degrees of freedom of a model.
 
     Args:

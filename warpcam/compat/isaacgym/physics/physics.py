@@ -15,13 +15,13 @@ from warpcam.compat.isaacgym.api.enums import DOF_STATE, CoordinateSpace
 from warpcam.compat.isaacgym.api.math_types import Transform, Vec3
 from warpcam.compat.isaacgym.api.tensors import Tensor, take
 from warpcam.compat.isaacgym.kernels import state as kernels
-from warpcam.compat.isaacgym.physics import model_writes as settings
-from warpcam.compat.isaacgym.physics.applied_forces import Pushes
-from warpcam.compat.isaacgym.physics.contact_forces import Contacts, Sensors
+from warpcam.compat.isaacgym.physics import model_writes
+from warpcam.compat.isaacgym.physics.applied_forces import AppliedForces
+from warpcam.compat.isaacgym.physics.contact_forces import ContactForces, Sensors
 from warpcam.compat.isaacgym.physics.contacts import contacts_of
 from warpcam.compat.isaacgym.physics.environments import Actor, Counts, Env, Grounds, build, collide_alike
-from warpcam.compat.isaacgym.physics.jacobians import Matrices
-from warpcam.compat.isaacgym.physics.joint_forces import Efforts
+from warpcam.compat.isaacgym.physics.jacobians import JacobianArrays
+from warpcam.compat.isaacgym.physics.joint_forces import JointForces
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 
@@ -74,19 +74,19 @@ class Physics:
         self._control = self.model.control()
         self._solver: Any = None
         self._outdated = True  # the next step needs another solver
-        self._changes = settings.NOTHING  # of the model, that the solver has not been told of
+        self._changes = model_writes.NOTHING  # of the model, that the solver has not been told of
         self._moved = False  # joints are behind bodies
         self.stale = {"drives", "surfaces", "masses"}
         self._write_stale()
-        self._contacts_felt = Contacts(self.model)
+        self._contacts_felt = ContactForces(self.model)
         rows = [row for actor in self.actors for row in _sensors(actor, self.start_of(actor).bodies)]
         self._sensors = Sensors(rows, device)
         self.num_sensors = len(rows)
-        self._matrices = Matrices(self.model, self.actors, self.start_of)
+        self._matrices = JacobianArrays(self.model, self.actors, self.start_of)
         self._envs = envs
-        self._pushes: Pushes | None = None
+        self._pushes: AppliedForces | None = None
         self._listed: np.ndarray | None = None
-        self._efforts = Efforts(self.model, self._speeds.numpy())
+        self._efforts = JointForces(self.model, self._speeds.numpy())
         self._told = [actor for actor in self.actors if actor.targets]
         self._readings: dict[tuple[str, str], Reading] = {}
 
@@ -102,8 +102,8 @@ class Physics:
                 self._solver, self._outdated = self._make_solver(), False
                 self._efforts.bind(self._solver)
             else:
-                settings.tell(self._solver, self._changes)
-            self._changes = settings.NOTHING
+                model_writes.tell(self._solver, self._changes)
+            self._changes = model_writes.NOTHING
             for _ in range(substeps):
                 self.state.clear_forces()
                 if self._pushes is not None:
@@ -234,7 +234,7 @@ class Physics:
         return self._listed
 
     def push(self, space: CoordinateSpace, where: str, **given: Any) -> None:
-        """Have forces act on bodies in the next step, see ``Pushes.add``."""
+        """Have forces act on bodies in the next step, see ``AppliedForces.add``."""
         with torch_interop.in_order(self.device):
             self._pushing().add(self.state, space, where, **given)
 
@@ -243,11 +243,11 @@ class Physics:
         with torch_interop.in_order(self.device):
             self._pushing().add_one(self.state, space, body, **given)
 
-    def _pushing(self) -> Pushes:
+    def _pushing(self) -> AppliedForces:
         """Made for programs that push; centres of mass are those that were set last."""
         self._write_stale()
         if self._pushes is None:
-            self._pushes = Pushes(self.model, self._envs)
+            self._pushes = AppliedForces(self.model, self._envs)
         return self._pushes
 
     def set_gravity(self, gravity: Vec3) -> None:
@@ -307,7 +307,7 @@ class Physics:
 
     def _write_drives(self) -> None:
         modes = self.model.joint_target_mode.numpy().copy()  # on a CPU it is the same memory
-        self._changes |= settings.write_drives(self.model, self._speeds.numpy(), self.actors)
+        self._changes |= model_writes.write_drives(self.model, self._speeds.numpy(), self.actors)
         if not np.array_equal(modes, self.model.joint_target_mode.numpy()):
             self._outdated = True  # what drives a joint is built into the solver, which still tells of the last step
 
@@ -317,10 +317,10 @@ class Physics:
         if "drives" in self.stale:
             self._write_drives()
         if "surfaces" in self.stale:
-            self._changes |= settings.write_surfaces(self.model, self.spot, starts)
+            self._changes |= model_writes.write_surfaces(self.model, self.spot, starts)
         if "masses" in self.stale:
-            self._changes |= settings.write_masses(self.model, starts)
-            self._floating = self._ints(settings.weightless(starts))
+            self._changes |= model_writes.write_masses(self.model, starts)
+            self._floating = self._ints(model_writes.weightless(starts))
         self.stale.clear()
 
     def _read_places(self) -> None:

@@ -12,13 +12,13 @@ from warpcam.compat.common.scalars import real
 from warpcam.compat.isaacgym.api.enums import UpAxis
 from warpcam.compat.isaacgym.api.math_types import Vec3
 from warpcam.compat.isaacgym.api.params import SimParams
-from warpcam.compat.isaacgym.cameras.appearance import Lamp, Looks
-from warpcam.compat.isaacgym.cameras.camera_batches import Studio
+from warpcam.compat.isaacgym.cameras.appearance import Appearance, DirectionalLight
+from warpcam.compat.isaacgym.cameras.camera_batches import CameraBatches
 from warpcam.compat.isaacgym.physics.environments import Counts, Env, Grounds
 from warpcam.compat.isaacgym.physics.physics import Physics
 from warpcam.core.errors import WarpcamError
 
-DAYLIGHT = Lamp((0.85, 0.85, 0.85), (0.25, 0.25, 0.25), (0.5, -0.5, 0.8))
+DAYLIGHT = DirectionalLight((0.85, 0.85, 0.85), (0.25, 0.25, 0.25), (0.5, -0.5, 0.8))
 
 
 class Sim:
@@ -38,10 +38,10 @@ class Sim:
         self.on_host = device.is_cuda and not params.use_gpu_pipeline
         self.up = newton.Axis.Z if params.up_axis == UpAxis.UP_AXIS_Z else newton.Axis.Y
         self.gravity = Vec3(*params.gravity)
-        self.looks, self.grounds = Looks(), Grounds()
-        self.looks.lamps[0] = DAYLIGHT if self.up == newton.Axis.Z else Lamp(*_lying(DAYLIGHT))
+        self.appearance, self.grounds = Appearance(), Grounds()
+        self.appearance.lamps[0] = DAYLIGHT if self.up == newton.Axis.Z else DirectionalLight(*_lying(DAYLIGHT))
         self.envs: list[Env] = []
-        self.studio = Studio(self.looks, self.grounds, self.up)
+        self.camera_batches = CameraBatches(self.appearance, self.grounds, self.up)
         self.fetched = self.shown = True
         self.accessing = self.alive = False
         self.alive = True
@@ -120,7 +120,7 @@ def env_of(value: Any, where: str) -> Env:
     return value
 
 
-def _lying(lamp: Lamp) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+def _lying(lamp: DirectionalLight) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
     """The same where y is up."""
     x, y, z = lamp.direction
     return lamp.intensity, lamp.ambient, (x, z, -y)

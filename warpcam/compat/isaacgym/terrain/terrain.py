@@ -16,7 +16,7 @@ from warpcam.core.errors import WarpcamError
 
 
 @dataclass(frozen=True)
-class Solid:
+class TerrainShape:
     """What a terrain is made of.
 
     Attributes:
@@ -39,8 +39,8 @@ class Terrain:
         told: How what is collided with is another surface than what is drawn, or nothing.
     """
 
-    seen: Solid
-    felt: Solid
+    seen: TerrainShape
+    felt: TerrainShape
     params: TriangleMeshParams | HeightFieldParams
     told: str = ""
 
@@ -71,7 +71,7 @@ def of_triangles(vertices: Any, triangles: Any, params: TriangleMeshParams, upri
     corners = np.asarray(triangles).astype(np.int64).reshape(-1)
     if corners.size == 0 or corners.min() < 0 or corners.max() >= len(points) or corners.size % 3:
         raise WarpcamError(f"add_triangle_mesh: triangles must be three of 0 to {len(points) - 1} each")
-    mesh = Solid(newton.Mesh(points, corners.astype(np.int32), compute_inertia=False), Transform())
+    mesh = TerrainShape(newton.Mesh(points, corners.astype(np.int32), compute_inertia=False), Transform())
     faces = corners.reshape(-1, 3)
     grid = heights_of(points, faces) if upright else None
     if grid is not None:
@@ -108,14 +108,14 @@ def of_heights(samples: Any, params: HeightFieldParams) -> Terrain:
     return Terrain(field, field, params)
 
 
-def _field(heights: np.ndarray, first: np.ndarray, steps: np.ndarray) -> Solid:
+def _field(heights: np.ndarray, first: np.ndarray, steps: np.ndarray) -> TerrainShape:
     """Of heights by x and y, the first of which is there [m]."""
     count_x, count_y = heights.shape
     half = 0.5 * steps * (count_x - 1, count_y - 1)
     # Newton's rows are along y, and its frame is in the middle.
     source = newton.Heightfield(heights.T, count_y, count_x, hx=float(half[0]), hy=float(half[1]))
     middle = first + half
-    return Solid(source, Transform(Vec3(middle[0], middle[1], 0.0)))
+    return TerrainShape(source, Transform(Vec3(middle[0], middle[1], 0.0)))
 
 
 def _grid(samples: np.ndarray, shape: tuple[Any, ...], where: str) -> np.ndarray:

@@ -4,13 +4,13 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.struct
-class Limits:
+class TendonLimits:
     """Columns whose colour follows the length of a path."""
 
     columns: wp.array(dtype=wp.int32)  # (entry,) of the table of shapes
@@ -25,7 +25,7 @@ class Limits:
 
 
 @wp.func
-def impedance_at(limits: Limits, entry: wp.int32, beyond: wp.float32) -> wp.float32:
+def impedance_at(limits: TendonLimits, entry: wp.int32, beyond: wp.float32) -> wp.float32:
     """At so many metres beyond where the limit begins to hold."""
     given = limits.impedance[entry]
     if given[0] == given[1] or given[2] <= 1.0e-15:
@@ -41,7 +41,7 @@ def impedance_at(limits: Limits, entry: wp.int32, beyond: wp.float32) -> wp.floa
 
 
 @wp.kernel(enable_backward=False)
-def write_strain(limits: Limits, colors: wp.array2d(dtype=wp.vec4), first: wp.int32):
+def write_limit_impedance(limits: TendonLimits, colors: wp.array2d(dtype=wp.vec4), first: wp.int32):
     index = first + wp.tid()
     width = limits.columns.shape[0]
     world = index // width
@@ -63,6 +63,6 @@ def write_strain(limits: Limits, colors: wp.array2d(dtype=wp.vec4), first: wp.in
     colors[world, column] = color
 
 
-def record_strain(limits: Any, colors: wp.array, device: wp.Device) -> Stage:
+def bind_limit_impedance(limits: Any, colors: wp.array, device: wp.Device) -> Stage:
     """Bind the stage that writes ``colors``, (world, column), on ``device``; it may be ``limits.colors``."""
-    return record(write_strain, colors.shape[0] * limits.columns.shape[0], [limits, colors], device)
+    return bind_launch(write_limit_impedance, colors.shape[0] * limits.columns.shape[0], [limits, colors], device)

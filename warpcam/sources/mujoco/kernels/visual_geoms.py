@@ -5,18 +5,18 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 from warpcam.kernels.types import SPHERE
 from warpcam.sources.mujoco.kernels.catenary import hanging_point
 from warpcam.sources.mujoco.kernels.wrap_arcs import arc_between, arc_pieces, arc_point
 
-# What stands in a column that is written each frame: Entries.what, first component. The second is the column.
+# What stands in a column that is written each frame: VisualGeomTable.what, first component. The second is the column.
 COPY, MARK, SEGMENT, EDGE, STRING, ARC, ROD, CRANK = 0, 1, 2, 3, 4, 5, 6, 7
 MOST_PIECES = 8  # of an arc
 
 
 @wp.struct
-class Entries:
+class VisualGeomTable:
     """The columns that are written each frame, and what the simulator has for them."""
 
     # (entry,) COPY: a shape of its own, third component; MARK: something with a pose, third, in which it stands as a
@@ -51,7 +51,7 @@ class Entries:
 
 
 @wp.struct
-class Table:
+class ShapeTable:
     """What is written: see Shapes. A field of one row is the same in all worlds."""
 
     positions: wp.array2d(dtype=wp.vec3)
@@ -76,7 +76,7 @@ def turn_to(axis: wp.vec3) -> wp.mat33:
 
 
 @wp.func
-def find_arc(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
+def find_arc(live: VisualGeomTable, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
     """The stop where a path begins to lie on something for the time of this number, from 0; -1 if it does not."""
     first = live.path_starts[world, path]
     found = wp.int32(-1)
@@ -90,7 +90,7 @@ def find_arc(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -
 
 
 @wp.func
-def find_segment(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
+def find_segment(live: VisualGeomTable, world: wp.int32, path: wp.int32, number: wp.int32) -> wp.int32:
     """The stop where a path's straight segment of this number, from 0, begins; -1 if it has fewer."""
     first = live.path_starts[world, path]
     found = wp.int32(-1)
@@ -125,12 +125,12 @@ def line_along(start: wp.vec3, end: wp.vec3, radius: wp.float32) -> Line:
 
 
 @wp.func
-def edge_of(live: Entries, world: wp.int32, a: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
+def edge_of(live: VisualGeomTable, world: wp.int32, a: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
     return line_along(live.vertices[world, a], live.vertices[world, b], radius)
 
 
 @wp.func
-def string_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, entry: wp.int32) -> Line:
+def string_of(live: VisualGeomTable, world: wp.int32, path: wp.int32, b: wp.int32, entry: wp.int32) -> Line:
     stop = live.path_starts[world, path]
     first_end = live.stops[world, stop]
     second_end = live.stops[world, stop + 1]
@@ -141,7 +141,7 @@ def string_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, entry
 
 
 @wp.func
-def arc_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
+def arc_of(live: VisualGeomTable, world: wp.int32, path: wp.int32, b: wp.int32, radius: wp.float32) -> Line:
     number = b / MOST_PIECES
     piece = b - number * MOST_PIECES
     stop = find_arc(live, world, path, number)
@@ -164,7 +164,7 @@ def arc_of(live: Entries, world: wp.int32, path: wp.int32, b: wp.int32, radius: 
 
 
 @wp.func
-def segment_of(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32, radius: wp.float32) -> Line:
+def segment_of(live: VisualGeomTable, world: wp.int32, path: wp.int32, number: wp.int32, radius: wp.float32) -> Line:
     stop = find_segment(live, world, path, number)
     if stop < 0:
         return line_along(wp.vec3(), wp.vec3(), 0.0)
@@ -173,7 +173,7 @@ def segment_of(live: Entries, world: wp.int32, path: wp.int32, number: wp.int32,
 
 
 @wp.func
-def copy_shape(live: Entries, out: Table, world: wp.int32, column: wp.int32, shape: wp.int32):
+def copy_shape(live: VisualGeomTable, out: ShapeTable, world: wp.int32, column: wp.int32, shape: wp.int32):
     out.positions[world, column] = live.positions[world, shape]
     out.rotations[world, column] = live.rotations[world, shape]
     if world < out.sizes.shape[0]:
@@ -187,7 +187,7 @@ def copy_shape(live: Entries, out: Table, world: wp.int32, column: wp.int32, sha
 
 
 @wp.func
-def copy_mark(live: Entries, out: Table, world: wp.int32, column: wp.int32, mark: wp.int32, row: wp.int32):
+def copy_mark(live: VisualGeomTable, out: ShapeTable, world: wp.int32, column: wp.int32, mark: wp.int32, row: wp.int32):
     frame = live.mark_rotations[world, mark]
     out.positions[world, column] = live.mark_positions[world, mark] + frame @ live.offsets[row]
     out.rotations[world, column] = frame @ live.turns[row]
@@ -198,7 +198,7 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
     """What writes entries of these kinds."""
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
-    def write_table(live: Entries, out: Table, first: wp.int32):
+    def write_table(live: VisualGeomTable, out: ShapeTable, first: wp.int32):
         index = first + wp.tid()
         width = live.what.shape[0]
         world = index // width
@@ -259,6 +259,6 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
     return write_table
 
 
-def record_table(live: Any, out: Any, kinds: frozenset[int], device: wp.Device) -> Stage:
-    """Bind the stage that writes ``out`` from ``live``, ``Table`` and ``Entries`` of these kinds, on ``device``."""
-    return record(kernel_of(kinds), out.positions.shape[0] * live.what.shape[0], [live, out], device)
+def bind_shape_table(live: Any, out: Any, kinds: frozenset[int], device: wp.Device) -> Stage:
+    """Bind the stage that writes ``out`` from ``live``, tables of these kinds, on ``device``."""
+    return bind_launch(kernel_of(kinds), out.positions.shape[0] * live.what.shape[0], [live, out], device)

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 from warpcam.kernels.types import PLANE
 
 wp.set_module_options(compiler_flags())
@@ -133,7 +133,7 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
     out.colors[world, column] = wp.vec4(color[0], color[1], color[2], opacity)
 
 
-def record_gather(flat: FlatShapes, out: WorldShapes, device: wp.Device) -> Stage:
+def bind_gather(flat: FlatShapes, out: WorldShapes, device: wp.Device) -> Stage:
     """Bind the stage that writes ``out`` from ``flat``, both on ``device``."""
     width = sum(table.shape[1] for table in (out.ids, out.faces, out.particles, out.bodies))
-    return record(write_worlds, out.ids.shape[0] * width, [flat, out], device)
+    return bind_launch(write_worlds, out.ids.shape[0] * width, [flat, out], device)

@@ -2,13 +2,13 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, compiler_flags, record
+from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.kernel(enable_backward=False)
-def paint(
+def write_triangle_colors(
     colors: wp.array(dtype=wp.vec3),
     triangles: wp.array(dtype=wp.int32),
     places: wp.array(dtype=wp.int32),
@@ -23,7 +23,9 @@ def paint(
     texels[places[index]] = packed
 
 
-def record_paint(colors: wp.array, triangles: wp.array, places: wp.array, texels: wp.array, device: wp.Device) -> Stage:
+def bind_triangle_colors(
+    colors: wp.array, triangles: wp.array, places: wp.array, texels: wp.array, device: wp.Device
+) -> Stage:
     """Bind the stage.
 
     Args:
@@ -33,4 +35,4 @@ def record_paint(colors: wp.array, triangles: wp.array, places: wp.array, texels
         texels: As ``Textures`` has them.
         device: Where all of these lie.
     """
-    return record(paint, triangles.shape[0], [colors, triangles, places, texels], device)
+    return bind_launch(write_triangle_colors, triangles.shape[0], [colors, triangles, places, texels], device)
