@@ -80,7 +80,8 @@ CASE = """
 # A pose: rotation 9, centre of projection 18, size 21.
 POSE = """
     const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
-    const ShapeFromCamera pose { row(9, same(18)), row(12, same(19)), row(15, same(20)), make_float3_int(same_vec(21), SHAPE + 16) };
+    const ShapeFromCamera pose { row(9, same(18)), row(12, same(19)), row(15, same(20)),
+                                 make_float3_int(same_vec(21), TYPE + 16) };
 """
 
 

@@ -36,7 +36,7 @@ def rays(rng):
 def entry(kind):
     return Twin(
         rays,
-        setup="Record record {}; record.size = { same(6), same(7), 0.0f, 0 };",
+        setup="ShapeRecord record {}; record.size = { same(6), same(7), 0.0f, 0 };",
         one=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
         eight=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
     )
@@ -61,7 +61,7 @@ def map_place(distant):
         setup="const MapSize size { same(12), same(13), same(14) };"
         "const ShadowMap map = shadow_map(same_vec(3), same_vec(6), same_vec(9), size);",
         one=found,
-        eight=found.replace("float", "Floats"),
+        eight=found.replace("float", "Float8"),
     )
 
 
@@ -71,19 +71,19 @@ MAPS = Family("lights/shadow_extent.h", {"of a spot": map_place("false"), "of a 
 # Hits: place in the shape's frame 0, ray 3, face 6; of a pose rotation 9, centre of projection 18, size 21.
 
 MESH_POSE = """
-    const Pose pose { row(9, same(18)), row(12, same(19)), row(15, same(20)),
-                      to_row({ as_float(0), as_float(0), 0.0f }, SHAPE + 16) };
+    const ShapeFromCamera pose { row(9, same(18)), row(12, same(19)), row(15, same(20)),
+                      make_float3_int({ as_float(0), as_float(0), 0.0f }, TYPE + 16) };
 """
 SURFACE = """
-    int faces[PACKET];
-    for (int k = 0; k < PACKET; ++k)
+    int faces[SIMD_WIDTH];
+    for (int k = 0; k < SIMD_WIDTH; ++k)
         faces[k] = (int)number(k, 6);
 """
 EIGHT = (
-    SURFACE + "Surfaces surface; surface.local = vec(0);"
+    SURFACE + "SurfaceInteraction8 surface; surface.local = vec(0);"
     "find_surface<KINDS>(pose, meshes, fields, faces, vec(3), surface);"
 )
-ONE = "const Surface surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6), vec(0), vec(3));"
+ONE = "const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6), vec(0), vec(3));"
 NORMAL = "close(surface.normal); exact(surface.part);"
 WEIGHTS = "exact(surface.weight1); exact(surface.weight2);"
 EDGES = "exact(surface.triangle.origin); exact(surface.triangle.edge1); exact(surface.triangle.edge2);"
@@ -105,11 +105,11 @@ def hits(rng):
 
 def with_kinds(text, shape, kinds):
     kinds = " | ".join(f"1 << {kind}" for kind in (shape, *kinds))
-    return text.replace("KINDS", f"({kinds})").replace("SHAPE", shape)
+    return text.replace("KINDS", f"({kinds})").replace("TYPE", shape)
 
 
 def surface(shape, *kinds, results=NORMAL, inputs=hits):
-    setup = POSE if shape != "MESH" or "SCALED" in kinds else POSE.splitlines()[1] + MESH_POSE
+    setup = POSE if shape != "MESH" or "PER_SHAPE_SCALE" in kinds else POSE.splitlines()[1] + MESH_POSE
     return Twin(
         inputs,
         setup=with_kinds(setup, shape, kinds),
@@ -128,10 +128,11 @@ def ground(rng):
 
 
 SMOOTH = """
-    struct { Pose pose; PlaneCells cells; } look { pose, plane_cells(pose, (const float[2]) { 0.0f, 2.0f }, 3.0f) };
+    const float repeat[] = { 0.0f, 2.0f };
+    struct { ShapeFromCamera pose; PlaneGrid cells; } look { pose, plane_cells(pose, repeat, 3.0f) };
 """
 FACET_ONE = """
-    Facet facet;
+    GouraudTriangle facet;
     facet_at<KINDS>(look, meshes, surface, vec(24), facet);
     close(smooth_normal<KINDS>(pose, meshes, surface));
 """
@@ -151,7 +152,7 @@ FACET = """
 
 
 def facet(shape, *kinds, inputs=hits):
-    mesh = shape == "MESH" and "SCALED" not in kinds
+    mesh = shape == "MESH" and "PER_SHAPE_SCALE" not in kinds
     setup = (POSE.splitlines()[1] + MESH_POSE if mesh else POSE) + SMOOTH
     return Twin(
         lambda rng: columns(inputs(rng), units(rng) * sizes(rng)),
@@ -165,8 +166,8 @@ def facet(shape, *kinds, inputs=hits):
 MESHES = {
     "mesh": ("MESH",),
     "mesh with backs": ("MESH", "TWO_SIDED"),
-    "scaled mesh": ("MESH", "SCALED"),
-    "scaled mesh whose normals are scaled last": ("MESH", "SCALED", "LIT_NORMALS"),
+    "scaled mesh": ("MESH", "PER_SHAPE_SCALE"),
+    "scaled mesh whose normals are scaled last": ("MESH", "PER_SHAPE_SCALE", "LIT_NORMALS"),
 }
 SURFACES = Family(
     "shading_pass/shading_pass.h",
@@ -177,7 +178,7 @@ SURFACES = Family(
     }
     | {
         "surface of height field": surface("HEIGHT_FIELD", results=NORMAL + ON_TOP, inputs=ground),
-        "surface of scaled height field": surface("HEIGHT_FIELD", "SCALED", inputs=ground),
+        "surface of scaled height field": surface("HEIGHT_FIELD", "PER_SHAPE_SCALE", inputs=ground),
     }
     | {f"facet of {kind}": facet(kind) for kind in ("SPHERE", "BOX", "PLANE")}
     | {f"facet of {name}": facet(*kinds) for name, kinds in MESHES.items()}
@@ -185,7 +186,7 @@ SURFACES = Family(
         "facet of height field": facet("HEIGHT_FIELD", inputs=ground),
         "directions": Twin(
             hits,
-            setup=POSE.replace("SHAPE", "BOX"),
+            setup=POSE.replace("TYPE", "BOX"),
             one="exact(pose.local(vec(3))); exact(pose.seen(vec(3)));",
             eight="exact(pose.local(vec(3))); exact(pose.seen(vec(3)));",
         ),

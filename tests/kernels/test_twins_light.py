@@ -21,12 +21,13 @@ LIGHTS = """
     for (int n = 0; n < list.count; ++n) {
         const int c = 24 + 25 * n;
         const bool spot = natures[n] & SPOT;
-        const auto row = [&](int c, float w) { return to_row(same_vec(c), as_int(w)); };
-        list.lights[n] = { to_row(spot ? same_vec(c) : normalized(same_vec(c)), 1 << n), row(c + 3, same(c + 6)),
-                           row(c + 7, same(c + 10)), to_row(same_vec(c + 11), natures[n]), row(c + 14, 2.0f),
+        const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
+        const Vec3 place = spot ? same_vec(c) : normalized(same_vec(c));
+        list.lights[n] = { make_float3_int(place, 1 << n), row(c + 3, same(c + 6)),
+                           row(c + 7, same(c + 10)), make_float3_int(same_vec(c + 11), natures[n]), row(c + 14, 2.0f),
                            row(c + 17, same(c + 20)) };
     }
-    const Finish finish { { 0.75f, 0.5f, 0.25f, -1 }, { 0.125f, same(22), same(23), 0 } };
+    const ResolvedMaterial finish { { 0.75f, 0.5f, 0.25f, -1 }, { 0.125f, same(22), same(23), 0 } };
     Camera camera {};
     for (int k = 0; k < 3; ++k)
         camera.rotation.at[k][k] = 1.0f;
@@ -59,10 +60,10 @@ def lighting(corners, shadows):
     return Twin(
         lit,
         setup=LIGHTS,
-        one=f"Facet {FACET} {weights} "
-        f"const Lit lit = illuminate<{corners}, {shadows}>(list, facet, finish, (int)in(20)); close(lit);",
+        one=f"GouraudTriangle {FACET} {weights} "
+        f"const LitColor lit = light_vertices<{corners}, {shadows}>(list, facet, finish, (int)in(20)); close(lit);",
         eight=f"Facets {FACET} {weights} Lits lit;"
-        f"illuminate_eight<{shadows}, true>(list, facet, {corners}, finish, to_whole(in(20)), lit); close(lit);",
+        f"illuminate_eight<{shadows}, true>(list, facet, {corners}, finish, to_int(in(20)), lit); close(lit);",
         **HIGHLIGHT,
     )
 
@@ -71,29 +72,29 @@ def seen_aside(corners):
     """Rays that begin where the camera is not."""
     twin = lighting(corners, "true")
     one = twin.one.replace("(int)in(20))", "(int)in(20), same_vec(24))")
-    eight = twin.eight.replace(", lit);", ", lit, eight_of(same_vec(24)));")
+    eight = twin.eight.replace(", lit);", ", lit, broadcast(same_vec(24)));")
     return Twin(twin.inputs, setup=twin.setup, one=one, eight=eight, **HIGHLIGHT)
 
 
 def corner(grey):
-    total, many = ("float", "Floats") if grey else ("Vec", "Vecs")
+    total, many = ("float", "Float8") if grey else ("Vec3", "Vec3x8")
     return Twin(
         lit,
-        setup=LIGHTS + "constexpr int STRIDE = 9; float values[PACKET * STRIDE] {};",
+        setup=LIGHTS + "constexpr int STRIDE = 9; float values[SIMD_WIDTH * STRIDE] {};",
         one=f"light_corner<{total}, true, true>(list, vec(0), vec(9), finish, values);"
         "for (int n = 0; n < STRIDE; ++n) close(values[n]);",
-        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), finish, STRIDE, PACKET, values);"
+        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), finish, STRIDE, SIMD_WIDTH, values);"
         "for (int n = 0; n < STRIDE; ++n) {"
-        "Floats all; for (int k = 0; k < PACKET; ++k) all[k] = values[k * STRIDE + n]; close(all); }",
+        "Float8 all; for (int k = 0; k < SIMD_WIDTH; ++k) all[k] = values[k * STRIDE + n]; close(all); }",
         **HIGHLIGHT,
     )
 
 
 GRID = """
-    struct : CornerGrid<256, true> {} grid {};
+    struct : LitVertexGrid<256, true> {} grid {};
     grid.grey = same(4) > 0.0f;
     grid.few = same(5) > 0.0f;
-    grid.stride = grid.few ? FEW : grid.grey ? 3 : 9;
+    grid.stride = grid.few ? GREY_VERTEX_LIGHTS : grid.grey ? 3 : 9;
     grid.columns = 5;
     grid.rows = 4;
     grid.casting = 2;
@@ -129,15 +130,15 @@ LIGHT = Family(
             lit,
             setup=LIGHTS,
             one="exact(own_shadow(list, camera, vec(0), vec(9)));",
-            eight="exact(own_shadow_of_eight(list, camera, vec(0), vec(9)));",
+            eight="exact(own_shadow(list, camera, vec(0), vec(9)));",
         ),
         "light from corners": Twin(
             grid_places,
             setup=GRID,
-            one="const OnCorners on = on_corners(grid, vec(0), true); exact(on.inside);"
+            one="const GridInterpolation on = on_corners(grid, vec(0), true); exact(on.inside);"
             "if (on.inside) { close(light_from_corners(grid, on, (int)in(3))); }",
             eight="const OnCornersOfEight on = on_corners(grid, vec(0)); exact(on.inside);"
-            "close(chosen(on.inside, light_from_corners(grid, on, to_whole(in(3))), eight_of({ 0.0f, 0.0f, 0.0f })));",
+            "close(select(on.inside, light_from_corners(grid, on, to_int(in(3))), broadcast({ 0.0f, 0.0f, 0.0f })));",
             rtol=1e-5,
             atol=1e-5,
         ),
@@ -149,7 +150,7 @@ LIGHT = Family(
 # 21; ray 24; color 27; mask of shadows 30; of a coat 31; of three lamps, 23 numbers each, from 40 on.
 
 LAMPS = """
-    LampList list {};
+    AreaLights list {};
     list.count = 3;
     list.sky.uneven = 1;
     list.sky.gain = { 0.5f, 1.0f, 2.0f };
@@ -157,16 +158,16 @@ LAMPS = """
         list.sky.terms[n] = (n == 0 ? 1.0f : 0.2f) * same_vec(40 + 5 * n);
     for (int n = 0; n < list.count; ++n) {
         const int c = 40 + 23 * n;
-        const auto row = [&](int c, float w) { return to_row(same_vec(c), as_int(w)); };
-        Lamp& lamp = list.lamps[n];
-        lamp.place = to_row(n == 2 ? normalized(same_vec(c)) : same_vec(c), 1 << n);
+        const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
+        AreaLight& lamp = list.lamps[n];
+        lamp.place = make_float3_int(n == 2 ? normalized(same_vec(c)) : same_vec(c), 1 << n);
         lamp.axis = row(c + 3, same(c + 6));
-        lamp.across = to_row(normalized(cross(same_vec(c + 3), { 0.3f, 0.5f, 0.7f })), FORM);
-        lamp.size = to_row(same_vec(c + 7), 0);
+        lamp.across = make_float3_int(normalized(cross(same_vec(c + 3), { 0.3f, 0.5f, 0.7f })), FORM);
+        lamp.size = make_float3_int(same_vec(c + 7), 0);
         lamp.falloff = row(c + 10, same(c + 13));
-        lamp.diffuse = to_row(same_vec(c + 14), n == 2 ? AMBIENT : SPOT);
-        lamp.specular = to_row(same_vec(c + 17), 0);
-        lamp.ambient = to_row(same_vec(c + 20), 0);
+        lamp.diffuse = make_float3_int(same_vec(c + 14), n == 2 ? AMBIENT : SPOT);
+        lamp.specular = make_float3_int(same_vec(c + 17), 0);
+        lamp.ambient = make_float3_int(same_vec(c + 20), 0);
     }
     Camera camera {};
     for (int k = 0; k < 3; ++k)
@@ -177,9 +178,10 @@ LAMPS = """
     } background { 1 };
 """
 MATERIAL = """
-    Look<KINDS, Wanted<RGB, HAS_MATERIALS | HAS_TEXTURES | HAS_MAPS | PHYSICAL>> look {};
+    ShapeAppearance<KINDS, ShadingNeeds<RGB, HAS_MATERIALS | HAS_TEXTURES | HAS_MAPS | PHYSICAL>> look {};
     look.pose = pose;
-    look.finish = { to_row(same_vec(31), -1), { same(34), same(35), 0.04f, 0 }, to_row(same_vec(36), 0), 0 };
+    look.finish = { make_float3_int(same_vec(31), -1), { same(34), same(35), 0.04f, 0 },
+                    make_float3_int(same_vec(36), 0), 0 };
     look.layout.extent = pose.size;
     look.layout.repeat[0] = 2.0f;
     look.layout.repeat[1] = 3.0f;
@@ -213,12 +215,12 @@ def shine(form):
     return Twin(
         lamplit,
         setup=LAMPS.replace("FORM", form),
-        one="const auto shine = shine_at(list.lamps[0], vec(0)); const bool some = shine.share > 1.0e-2f;"
+        one="const auto shine = sample_light(list.lamps[0], vec(0)); const bool some = shine.share > 1.0e-2f;"
         "close(shine.share); close(some ? shine.spread : 0.0f);"
-        "close(some ? shine.to_light : Vec { 0.0f, 0.0f, 0.0f });",
-        eight="const auto shine = shine_at(list.lamps[0], vec(0)); const Ints some = shine.share > 1.0e-2f;"
-        "close(shine.share); close(some ? shine.spread : (Floats)0.0f);"
-        "close(chosen(some, shine.to_light, eight_of({ 0.0f, 0.0f, 0.0f })));",
+        "close(some ? shine.to_light : Vec3 { 0.0f, 0.0f, 0.0f });",
+        eight="const auto shine = sample_light(list.lamps[0], vec(0)); const Int8 some = shine.share > 1.0e-2f;"
+        "close(shine.share); close(some ? shine.spread : (Float8)0.0f);"
+        "close(select(some, shine.to_light, broadcast({ 0.0f, 0.0f, 0.0f })));",
         **SERIES,
     )
 
@@ -229,26 +231,26 @@ def whole(form, facts, tolerance=5e-4):
     head = f"constexpr int KINDS = 1 << {kind}, FACTS = {facts};"
     return Twin(
         lamplit,
-        setup=head + POSE.replace("SHAPE", kind) + LAMPS.replace("FORM", form) + MATERIAL,
-        one="const Surface surface = surface_at<KINDS>(pose, meshes, fields, 0, vec(0), vec(24));"
+        setup=head + POSE.replace("TYPE", kind) + LAMPS.replace("FORM", form) + MATERIAL,
+        one="const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, 0, vec(0), vec(24));"
         "close(shade_physically<KINDS, PINHOLE, FACTS>(look, list, scene, camera, 0.0f, 0.0f, surface, vec(0), vec(24),"
         "1.0f, vec(27), (int)in(30)));",
-        eight="int faces[PACKET] {}; Surfaces surface;"
+        eight="int faces[SIMD_WIDTH] {}; SurfaceInteraction8 surface;"
         "surface.local = vec(0);"
         "find_surface<KINDS>(pose, meshes, fields, faces, vec(24), surface);"
-        "const auto steps = [&](Vecs& right, Vecs& down) {"
-        "    right = eight_of(pose.local(step_right<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
-        "    down = eight_of(pose.local(step_down<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
+        "const auto steps = [&](Vec3x8& right, Vec3x8& down) {"
+        "    right = broadcast(pose.local(step_right<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
+        "    down = broadcast(pose.local(step_down<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
         "};"
-        "Vecs light; shade_eight_physically<KINDS, FACTS>(look, list, scene, camera.rotation, steps, surface, vec(0),"
-        "-normalized(vec(0)), vec(24), vec(27), to_whole(in(30)), light); close(light);",
+        "Vec3x8 light; shade_eight_physically<KINDS, FACTS>(look, list, scene, camera.rotation, steps, surface, vec(0),"
+        "-normalized(vec(0)), vec(24), vec(27), to_int(in(30)), light); close(light);",
         rtol=tolerance,
         atol=tolerance,
     )
 
 
 FORMS = ("POINT", "SPHERE", "DISK", "RECTANGLE", "CYLINDER")
-SKIN = "const auto skin = skin_of(vec(27), in(34), in(35), same(36));"
+SKIN = "const auto skin = make_bsdf(vec(27), in(34), in(35), same(36));"
 PHYSICAL = Family(
     "shading_pass/shading_pass.h",
     {f"light of a {form.lower()}": shine(f"FORM_{form}") for form in FORMS}
@@ -257,7 +259,7 @@ PHYSICAL = Family(
         "with shadows": whole("FORM_SPHERE", "HAS_SHADOWS"),
         "with maps": whole("FORM_SPHERE", "HAS_MAPS", 1e-2),  # small highlights, by normals from an image
         "with a sky": whole("FORM_SPHERE", "HAS_SKYBOX | HAS_SHADOWS"),
-        "display colors": both(lamplit, "close(decoded(vec(27))); close(encoded(vec(36)));", **SERIES),
+        "display colors": both(lamplit, "close(srgb_to_linear(vec(27))); close(linear_to_srgb(vec(36)));", **SERIES),
         "skin": both(
             lamplit,
             SKIN
@@ -266,7 +268,7 @@ PHYSICAL = Family(
         ),
         "microfacets": both(
             lamplit,
-            "exact(facing_facets(vec(3), vec(6), in(34))); exact(open_facets(in(34), in(35), in(36)));",
+            "exact(ggx_ndf(vec(3), vec(6), in(34))); exact(smith_visibility(in(34), in(35), in(36)));",
         ),
         "reflection of a light": both(
             lamplit,
@@ -275,12 +277,12 @@ PHYSICAL = Family(
             atol=1e-5,
         ),
         "reflection of all around": both(
-            lamplit, SKIN + "close(reflected_around(skin, in(37), vec(27), vec(31)));", **SERIES
+            lamplit, SKIN + "close(environment_brdf(skin, in(37), vec(27), vec(31)));", **SERIES
         ),
-        "cosine over a light": both(lamplit, "close(cosine_over(in(3), in(34) * in(34)));", **SERIES),
+        "cosine over a light": both(lamplit, "close(clipped_cosine(in(3), in(34) * in(34)));", **SERIES),
         "sky": both(
             lamplit,
-            "exact(sky_through(list.sky, vec(3), in(34), in(35)));"
+            "exact(irradiance_sh(list.sky, vec(3), in(34), in(35)));"
             "exact(sky_along<false>(list.sky, textures, background, vec(3), in(34)));"
             "close(sky_along<true>(list.sky, textures, background, vec(3), in(34)));",
             setup=LAMPS.replace("FORM", "FORM_POINT"),

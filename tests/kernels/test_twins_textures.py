@@ -7,7 +7,7 @@ from twins import POSE, ROWS, Family, Twin, both, columns, rotations, sizes, uni
 # Textures: place in the shape's frame 0, ray 3, face 6, pose 9, steps to the next pixels 24 and 27.
 
 LAYOUT = """
-    Layout layout {};
+    TextureLayout layout {};
     layout.extent = { same(21), same(22), same(23), METRES };
     layout.repeat[0] = 2.0f;
     layout.repeat[1] = 3.0f;
@@ -31,18 +31,18 @@ def textured(rng):
 def footprint(kinds, own=0):
     shape = kinds[0]
     head = "constexpr int KINDS = " + " | ".join(f"1 << {kind}" for kind in kinds) + ";"
-    pose = POSE.replace("same_vec(21), SHAPE", "MESH_SIZE, SHAPE") if shape == "MESH" else POSE
-    pose = pose.replace("MESH_SIZE", "{ 0.0f, 0.0f, 0.0f }").replace("SHAPE", shape)
+    pose = POSE.replace("same_vec(21), TYPE", "MESH_SIZE, TYPE") if shape == "MESH" else POSE
+    pose = pose.replace("MESH_SIZE", "{ 0.0f, 0.0f, 0.0f }").replace("TYPE", shape)
     step = "exact" if shape == "PLANE" else "close"
     results = f"{step}(at.u); {step}(at.v);"
     return Twin(
         textured,
         setup=head + pose + LAYOUT.replace("METRES", "0").replace("OWN", str(own)).replace("IMAGE", "0"),
-        one="const Surface surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6), vec(0), vec(3));"
+        one="const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, (int)in(6), vec(0), vec(3));"
         "const Footprint at = footprint_2d<KINDS>(pose, layout, meshes, surface, vec(3), vec(24), vec(27));"
         f"{results} close(at.right.x); close(at.right.y); close(at.down.x); close(at.down.y);",
-        eight="int faces[PACKET]; for (int k = 0; k < PACKET; ++k) faces[k] = (int)number(k, 6);"
-        "Surfaces surface; surface.local = vec(0);"
+        eight="int faces[SIMD_WIDTH]; for (int k = 0; k < SIMD_WIDTH; ++k) faces[k] = (int)number(k, 6);"
+        "SurfaceInteraction8 surface; surface.local = vec(0);"
         "find_surface<KINDS>(pose, meshes, fields, faces, vec(3), surface);"
         "Footprints at; footprints_2d<KINDS>(pose, layout, meshes, surface, vec(3), vec(24), vec(27), at);"
         f"{results} close(at.right_u); close(at.right_v); close(at.down_u); close(at.down_v);",
@@ -55,13 +55,13 @@ def direction(shape, metres):
     kinds = f"1 << {shape}"
     return Twin(
         textured,
-        setup=POSE.replace("SHAPE", shape) + LAYOUT.replace("METRES", metres).replace("OWN", "0").replace("IMAGE", "1"),
-        one=f"const Surface surface = surface_at<{kinds}>(pose, meshes, fields, 0, vec(0), vec(3));"
+        setup=POSE.replace("TYPE", shape) + LAYOUT.replace("METRES", metres).replace("OWN", "0").replace("IMAGE", "1"),
+        one=f"const SurfaceInteraction surface = surface_at<{kinds}>(pose, meshes, fields, 0, vec(0), vec(3));"
         f"const CubeMapping at = map_cube<{kinds}>(pose, layout, surface); exact(at.direction); exact(at.scale);",
-        eight=f"int faces[PACKET] {{}}; Surfaces surface;"
+        eight=f"int faces[SIMD_WIDTH] {{}}; SurfaceInteraction8 surface;"
         f"surface.local = vec(0);"
         f"find_surface<{kinds}>(pose, meshes, fields, faces, vec(3), surface);"
-        f"Vecs scale; exact(cube_directions<{kinds}>(pose, layout, surface, scale)); exact(scale);",
+        f"Vec3x8 scale; exact(cube_directions<{kinds}>(pose, layout, surface, scale)); exact(scale);",
     )
 
 
@@ -91,8 +91,8 @@ TEXTURES = Family(
         ),
         "texels of a cube": both(
             textured,
-            "exact({{cube_texel|cube_texels}}({{9|(Ints)9}}, {{16|(Ints)16}}, {{(int)|to_whole}}(in(6)),"
-            "{{(int)|to_whole}}(8.0f + 8.5f * in(0)), {{(int)|to_whole}}(8.0f + 8.5f * in(1))));",
+            "exact({{cube_texel|cube_texels}}({{9|(Int8)9}}, {{16|(Int8)16}}, {{(int)|to_int}}(in(6)),"
+            "{{(int)|to_int}}(8.0f + 8.5f * in(0)), {{(int)|to_int}}(8.0f + 8.5f * in(1))));",
         ),
         "level of detail": both(
             textured,
@@ -103,7 +103,7 @@ TEXTURES = Family(
         "image": Twin(
             textured,
             setup=FLAT,
-            one="close(sample_2d(texels, image, in(0), in(1), Pair { in(24), in(25) }, Pair { in(27), in(28) }));",
+            one="close(sample_2d(texels, image, in(0), in(1), Float2 { in(24), in(25) }, Float2 { in(27), in(28) }));",
             eight="close(sample_2d(texels, Levels(image, 1),"
             "Footprints { in(0), in(1), in(24), in(25), in(27), in(28) }));",
             atol=2e-4,  # weights are rounded to 16 bits in the one, and not in the other
@@ -112,7 +112,7 @@ TEXTURES = Family(
             textured,
             setup=FLAT,
             one="close(sample_cube(texels, cube, vec(0), vec(24), vec(27)));",
-            eight="Vecs color; sample_cubes(texels, Levels(cube, 6), vec(0), vec(24), vec(27), color); close(color);",
+            eight="Vec3x8 color; sample_cubes(texels, Levels(cube, 6), vec(0), vec(24), vec(27), color); close(color);",
             atol=2e-4,
         ),
     },

@@ -137,9 +137,10 @@ template <class Size, class Vector> WARPCAM_DEVICE Vector height_field_side(cons
 // 1 above. `height` is that of the first corner, `diagonal` and `side` are how far the opposite and the third lie above
 // it.
 template <class Size, class Vector>
-WARPCAM_DEVICE void height_field_top(const Size& size, int rows, int columns, NumberOf<Vector> row, NumberOf<Vector> column,
-                                 MaskOf<Vector> high, NumberOf<Vector> height, NumberOf<Vector> diagonal,
-                                 NumberOf<Vector> side, SurfaceInteractionOf<Vector>& surface)
+WARPCAM_DEVICE void height_field_top(const Size& size, int rows, int columns, NumberOf<Vector> row,
+                                     NumberOf<Vector> column, MaskOf<Vector> high, NumberOf<Vector> height,
+                                     NumberOf<Vector> diagonal, NumberOf<Vector> side,
+                                     SurfaceInteractionOf<Vector>& surface)
 {
     using Number = NumberOf<Vector>;
     const Number none = 0.0f, one = 1.0f;
@@ -189,7 +190,8 @@ template <class Meshes> WARPCAM_DEVICE Float3Int face_row(const Meshes& meshes, 
 template <int TYPES, class Meshes>
 WARPCAM_DEVICE Triangle load_triangle(const Meshes& meshes, int row, Vec3 ray, int& given, bool& flat)
 {
-    const Float3Int first = face_row(meshes, row), second = face_row(meshes, row + 1), third = face_row(meshes, row + 2);
+    const Float3Int first = face_row(meshes, row), second = face_row(meshes, row + 1),
+                    third = face_row(meshes, row + 2);
     const Vec3 origin = as_vec3(first), edge1 = as_vec3(second) - origin, edge2 = as_vec3(third) - origin;
     given = first.w;
     flat = is_flat<TYPES>(second.w, third.w);
@@ -217,7 +219,8 @@ struct MeshStart {
     int faces, corners;
 };
 
-template <int TYPES, class Meshes> WARPCAM_DEVICE MeshStart mesh_start(const Meshes& meshes, const ShapeFromCamera& pose)
+template <int TYPES, class Meshes>
+WARPCAM_DEVICE MeshStart mesh_start(const Meshes& meshes, const ShapeFromCamera& pose)
 {
     if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
         return { wp::index(meshes.face_start, pose.asset()), wp::index(meshes.corner_start, pose.asset()) };
@@ -225,8 +228,8 @@ template <int TYPES, class Meshes> WARPCAM_DEVICE MeshStart mesh_start(const Mes
 }
 
 // `face` counts the mesh's faces in leaf order; `ray` is in the mesh's own coordinates.
-template <int TYPES, class Meshes>
-WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose, int face, Vec3 ray, SurfaceInteraction& surface)
+template <int TYPES, class Meshes> WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
+                                                                    int face, Vec3 ray, SurfaceInteraction& surface)
 {
     const MeshStart start = mesh_start<TYPES>(meshes, pose);
     int given;
@@ -238,8 +241,8 @@ WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& po
 // `surface` comes in with the hit as its `local`; `ray` is the direction that it was seen along, of any length, in the
 // shape's frame; `face` is what the trace found there.
 template <int TYPES, class Meshes, class HeightFields, class Face, class Vector>
-WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields, const Face& face,
-                             Vector ray, SurfaceInteractionOf<Vector>& surface)
+WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields,
+                                 const Face& face, Vector ray, SurfaceInteractionOf<Vector>& surface)
 {
     const int type = pose.type();
     const Vec3 size = as_vec3(pose.size);
@@ -280,8 +283,8 @@ WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& mesh
 }
 
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_DEVICE SurfaceInteraction surface_at(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields, int face, Vec3 local,
-                              Vec3 ray)
+WARPCAM_DEVICE SurfaceInteraction surface_at(const ShapeFromCamera& pose, const Meshes& meshes,
+                                             const HeightFields& fields, int face, Vec3 local, Vec3 ray)
 {
     SurfaceInteraction surface {};
     surface.local = local;
@@ -289,23 +292,34 @@ WARPCAM_DEVICE SurfaceInteraction surface_at(const ShapeFromCamera& pose, const 
     return surface;
 }
 
+// The normal at corner `i` of the triangle.
+template <class Meshes>
+WARPCAM_DEVICE Vec3 vertex_normal(const Meshes& meshes, const SurfaceInteraction& surface, int i)
+{
+    return as_vec3(wp::index(meshes.normals, surface.corner + i));
+}
+
 // The unit normal of a smooth surface, in the shape's frame. LIT_NORMALS: scaled after it is interpolated, as Newton's
 // camera does.
-template <int TYPES, class Meshes>
-WARPCAM_DEVICE Vec3 smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes, const SurfaceInteraction& surface)
+template <int TYPES, class Meshes, class Vector>
+WARPCAM_DEVICE Vector smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes,
+                                    const SurfaceInteractionOf<Vector>& surface)
 {
-    if ((TYPES >> MESH & 1) && pose.type() == MESH && !surface.flat) {
-        const float weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
-        Vec3 sum { 0.0f, 0.0f, 0.0f };
-        for (int k = 0; k < 3; ++k) {
-            Vec3 normal = as_vec3(wp::index(meshes.normals, surface.corner + k));
-            if ((TYPES >> PER_SHAPE_SCALE & 1) && !(TYPES >> LIT_NORMALS & 1))
-                normal = normalized(div(normal, as_vec3(pose.size)));
-            sum = sum + weights[k] * normal;
+    if constexpr ((TYPES >> MESH & 1) != 0) {
+        if (pose.type() == MESH && any(!surface.flat)) {
+            using Number = NumberOf<Vector>;
+            constexpr bool STRETCHED = TYPES >> PER_SHAPE_SCALE & 1, LATE = TYPES >> LIT_NORMALS & 1;
+            const Vector size = broadcast<Vector>(as_vec3(pose.size));
+            const Number weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
+            Vector sum = broadcast<Vector>({ 0.0f, 0.0f, 0.0f });
+            for (int i = 0; i < 3; ++i) {
+                const Vector normal = vertex_normal(meshes, surface, i);
+                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(div(normal, size)) : normal);
+            }
+            if (STRETCHED && LATE)
+                sum = div(sum, size);
+            return select(surface.flat | !(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
         }
-        if ((TYPES >> PER_SHAPE_SCALE & 1) && (TYPES >> LIT_NORMALS & 1))
-            sum = div(sum, as_vec3(pose.size));
-        return dot(sum, sum) > 1.0e-12f ? normalized(sum) : surface.normal;
     }
     return surface.normal;
 }

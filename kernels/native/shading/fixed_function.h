@@ -12,9 +12,9 @@ namespace warpcam {
 
 // One light in the camera's frame.
 struct Light {
-    Float3Int place;     // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
-    Float3Int axis;      // direction that a spot shines in, position of a directional light; w: bits of the cosine of its
-                   // cutoff, -2 where it has none
+    Float3Int place;  // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
+    Float3Int axis;  // direction that a spot shines in, position of a directional light; w: bits of the cosine of its
+    // cutoff, -2 where it has none
     Float3Int falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
     Float3Int ambient;   // w: LightFlags
     Float3Int diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
@@ -40,7 +40,8 @@ WARPCAM_DEVICE bool dims(const Light& light) { return (light.ambient.w & (CASTS 
 WARPCAM_DEVICE bool has_hue(const Float3Int& color) { return color.x != color.y || color.x != color.z; }
 
 template <bool SHADOWS, class Lights>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Light load_light(const Lights& lights, const Camera& camera, int world, int index, int place)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Light load_light(const Lights& lights, const Camera& camera, int world, int index,
+                                                     int place)
 {
     const Vec3 direction = transform_transposed(camera.rotation, as_vec3(per_world(lights.directions, world, index)));
     const Vec3 position = as_vec3(per_world(lights.positions, world, index));
@@ -85,8 +86,8 @@ WARPCAM_DEVICE void team_barrier()
 
 // Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
 template <bool SHADOWS, class Lights>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, const Camera& camera, int world, int first, int lane,
-                              LightList& list)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, const Camera& camera, int world, int first,
+                                                       int lane, LightList& list)
 {
     const int total = lights.types.shape[1];
     const Vec3 ambient = as_vec3(wp::index(lights.headlight, first)),
@@ -134,15 +135,18 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, con
 
 // What a facet's corner is to all lights: the unit direction to the centre of projection and its length [m], and the
 // product of that direction with the normal.
-struct LightingVertex {
-    Vec3 to_eye, normal;
-    float reach, slant;
+template <class Vector> struct LightingVertexOf {
+    Vector to_eye, normal;
+    NumberOf<Vector> reach, slant;
 };
 
-WARPCAM_DEVICE LightingVertex vertex_at(Vec3 place, Vec3 normal)
+using LightingVertex = LightingVertexOf<Vec3>;
+
+template <class Vector> WARPCAM_DEVICE LightingVertexOf<Vector> vertex_at(Vector place, Vector normal)
 {
-    const float square = dot(place, place), rate = rsqrt(square);
-    LightingVertex vertex { -(rate * place), normal, square * rate, 0.0f };
+    using Number = NumberOf<Vector>;
+    const Number square = dot(place, place), rate = rsqrt(square), none = 0.0f;
+    LightingVertexOf<Vector> vertex { -(rate * place), normal, square * rate, none };
     vertex.slant = dot(vertex.to_eye, normal);
     return vertex;
 }
@@ -152,10 +156,16 @@ struct SpreadVertex: LightingVertex {
     Vec3 place;
 };
 
-WARPCAM_DEVICE SpreadVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye) { return { vertex_at(place - eye, normal), place }; }
+WARPCAM_DEVICE SpreadVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye)
+{
+    return { vertex_at(place - eye, normal), place };
+}
 
 // From a corner to a place.
-WARPCAM_DEVICE Vec3 from_vertex(const LightingVertex& vertex, Vec3 place) { return place + vertex.reach * vertex.to_eye; }
+template <class Vector> WARPCAM_DEVICE Vector from_vertex(const LightingVertexOf<Vector>& vertex, Vector place)
+{
+    return place + vertex.reach * vertex.to_eye;
+}
 WARPCAM_DEVICE Vec3 from_vertex(const SpreadVertex& vertex, Vec3 place) { return place - vertex.place; }
 
 // A spot's strength at a corner, before its cone.
@@ -167,8 +177,8 @@ template <class Vertex_> WARPCAM_DEVICE float faded(const Light& light, const Ve
 }
 
 // How much a light adds to a corner: of its ambient, diffuse and specular colours.
-struct LightWeights {
-    float ambient, diffuse, specular;
+template <class Number> struct LightWeights {
+    Number ambient, diffuse, specular;
 };
 
 // Where a light is from a corner, and how it falls on it.
@@ -193,12 +203,21 @@ WARPCAM_DEVICE LightDirection arrival_of(const Light& light, const Vertex_& vert
     return arrival;
 }
 
-template <bool IS_SPOT>
-WARPCAM_DEVICE LightWeights share_of(const Light& light, const LightingVertex& vertex, const LightDirection& arrival, float exponent)
+// The cosine between a normal and halfway between the directions to the light and to the eye, not below zero. `length`
+// is that to the light, squared, and 1.
+template <class Vector>
+WARPCAM_DEVICE NumberOf<Vector> highlight_of(const LightingVertexOf<Vector>& vertex, Vector to_light,
+                                             NumberOf<Vector> facing, float length)
 {
-    // Squared length of the sum of the directions to the light and the eye.
-    const float halfway = (IS_SPOT ? 2.0f : as_float(light.diffuse.w)) + 2.0f * dot(arrival.to_light, vertex.to_eye);
-    const float highlight = saturate((arrival.facing + vertex.slant) * rsqrt(halfway));
+    const NumberOf<Vector> halfway = length + 2.0f * dot(to_light, vertex.to_eye);  // the squared length of their sum
+    return saturate((facing + vertex.slant) * rsqrt(halfway));
+}
+
+template <bool IS_SPOT> WARPCAM_DEVICE LightWeights<float> share_of(const Light& light, const LightingVertex& vertex,
+                                                                    const LightDirection& arrival, float exponent)
+{
+    const float highlight = highlight_of(vertex, arrival.to_light, arrival.facing,
+                                         IS_SPOT ? 2.0f : as_float(light.diffuse.w));
     const float shine = pow(max(highlight, MIN_NORMAL), exponent);
     return { arrival.strength, arrival.strength * max(arrival.facing, 0.0f),
              arrival.facing > 0.0f ? arrival.strength * shine : 0.0f };
@@ -207,24 +226,30 @@ WARPCAM_DEVICE LightWeights share_of(const Light& light, const LightingVertex& v
 // What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
 // [0, 1]. With shadows each light that casts one is drawn on its own: it is clipped, textured and then added to the
 // rest, so that the sum can pass 1 where the texture is dark.
-struct LitColor {
-    Vec3 linear, display;
+template <class Vector> struct LitColorOf {
+    Vector linear, display;
 };
+
+using LitColor = LitColorOf<Vec3>;
 
 WARPCAM_DEVICE Vec3 clip(Vec3 color) { return { saturate(color.x), saturate(color.y), saturate(color.z) }; }
 
 // A sum of light: in three channels, or in one where no light has a hue.
-WARPCAM_DEVICE void add(Vec3& sum, float share, const Float3Int& color) { sum = sum + share * as_vec3(color); }
+template <class Vector> WARPCAM_DEVICE void add(Vector& sum, NumberOf<Vector> share, const Float3Int& color)
+{
+    sum = sum + share * broadcast<Vector>(as_vec3(color));
+}
 WARPCAM_DEVICE void add(float& sum, float share, const Float3Int& color) { sum += share * color.x; }
-WARPCAM_DEVICE Vec3 in_channels(Vec3 sum) { return sum; }
-WARPCAM_DEVICE Vec3 in_channels(float sum) { return { sum, sum, sum }; }
+template <class Vector> WARPCAM_DEVICE Vector in_channels(Vector sum) { return sum; }
+template <class Vector> WARPCAM_DEVICE Vector in_channels(NumberOf<Vector> sum) { return { sum, sum, sum }; }
 
 // The light at a corner: what the surface reflects in its own colour, and its highlights.
 template <class Sum> struct LightSum {
     Sum matt, gloss;
 };
 
-template <class Sum> WARPCAM_DEVICE void add_share(LightSum<Sum>& glow, const LightWeights& share, const Light& light)
+template <class Sum, class Number>
+WARPCAM_DEVICE void add_share(LightSum<Sum>& glow, const LightWeights<Number>& share, const Light& light)
 {
     add(glow.matt, share.diffuse, light.diffuse);
     add(glow.gloss, share.specular, light.specular);
@@ -232,15 +257,19 @@ template <class Sum> WARPCAM_DEVICE void add_share(LightSum<Sum>& glow, const Li
         add(glow.matt, share.ambient, light.ambient);
 }
 
-template <class Sum> WARPCAM_DEVICE Vec3 reflected(const LightSum<Sum>& glow, Vec3 base, const ResolvedMaterial& finish)
+template <class Vector, class Sum>
+WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, Vec3 base, const ResolvedMaterial& finish)
 {
-    return base + mul(in_channels(glow.matt), as_vec3(finish.color)) + finish.gloss.y * in_channels(glow.gloss);
+    return broadcast<Vector>(base) + mul(in_channels<Vector>(glow.matt), broadcast<Vector>(as_vec3(finish.color)))
+        + finish.gloss.y * in_channels<Vector>(glow.gloss);
 }
 
-// The same of a light that casts shadows alone.
-template <class Sum> WARPCAM_DEVICE Vec3 reflected(const LightSum<Sum>& glow, const Reflectance& reflectance)
+// The light of one light that casts shadows, reflected.
+template <class Vector, class Sum>
+WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, const Reflectance& reflectance)
 {
-    return mul(in_channels(glow.matt), reflectance.matt) + reflectance.gloss * in_channels(glow.gloss);
+    return mul(in_channels<Vector>(glow.matt), broadcast<Vector>(reflectance.matt))
+        + reflectance.gloss * in_channels<Vector>(glow.gloss);
 }
 
 // What a surface sends wherever lights are.
@@ -268,13 +297,13 @@ WARPCAM_DEVICE void add_light(const Light& light, float strength, const Vertex_*
             arrivals[k].strength *= faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const LightWeights share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        const LightWeights<float> share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
             add_share(glows[k], share, light);
         } else {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            const Vec3 added = reflected(own, of_casting(finish));
+            const Vec3 added = reflected<Vec3>(own, of_casting(finish));
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
         }
@@ -282,7 +311,8 @@ WARPCAM_DEVICE void add_light(const Light& light, float strength, const Vertex_*
 }
 
 template <int CORNERS, bool SHADOWS, class Sum, class Finish_, class... Eye_>
-WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriangle& facet, const Finish_& finish, int shadow, Eye_... eye)
+WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriangle& facet, const Finish_& finish,
+                                      int shadow, Eye_... eye)
 {
     const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     decltype(vertex_at(facet.place[0], facet.normal[0], eye...)) corners[CORNERS];
@@ -305,7 +335,7 @@ WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriang
     const Vec3 base = always_on(list, finish);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Vec3 steady = reflected(glows[k], base, finish);
+        const Vec3 steady = reflected<Vec3>(glows[k], base, finish);
         lit.linear = lit.linear + weights[k] * steady;
         lit.display = lit.display + weights[k] * clip(steady);
     }
@@ -315,7 +345,8 @@ WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriang
 // The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
 // those that are kept, does not reach it. `eye`: where the ray begins that sees it, if not where the camera is.
 template <int CORNERS, bool SHADOWS, class Finish_, class... Eye_>
-WARPCAM_DEVICE LitColor light_vertices(const LightList& list, const GouraudTriangle& facet, const Finish_& finish, int shadow, Eye_... eye)
+WARPCAM_DEVICE LitColor light_vertices(const LightList& list, const GouraudTriangle& facet, const Finish_& finish,
+                                       int shadow, Eye_... eye)
 {
     if (list.colored)
         return illuminate_as<CORNERS, SHADOWS, Vec3>(list, facet, finish, shadow, eye...);

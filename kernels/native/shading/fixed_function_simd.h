@@ -8,18 +8,7 @@
 
 namespace warpcam {
 
-struct Vertices {
-    Vec3x8 to_eye, normal;
-    Float8 reach, slant;
-};
-
-inline Vertices vertices_at(Vec3x8 place, Vec3x8 normal)
-{
-    const Float8 square = dot(place, place), rate = rsqrt(square);
-    Vertices vertex { -(rate * place), normal, square * rate, {} };
-    vertex.slant = dot(vertex.to_eye, normal);
-    return vertex;
-}
+using Vertices = LightingVertexOf<Vec3x8>;
 
 struct Arrivals {
     Vec3x8 to_light;
@@ -32,7 +21,7 @@ template <class... Eye_> inline Arrivals arrivals_of(const Light& light, const V
 {
     Arrivals arrival { broadcast(as_vec3(light.place)), {}, {}, {}, (Int8)-1 };
     if (light.ambient.w & SPOT) {
-        const Vec3x8 offset = (arrival.to_light - ... - eye) + vertex.reach * vertex.to_eye;
+        const Vec3x8 offset = from_vertex(vertex, (arrival.to_light - ... - eye));
         const Float8 square = dot(offset, offset), rate = rsqrt(square);
         arrival.to_light = rate * offset;
         arrival.along = -dot(arrival.to_light, broadcast(as_vec3(light.axis)));
@@ -58,20 +47,15 @@ inline Float8 strength_of(const Light& light, const Arrivals& arrival)
     return strength;
 }
 
-struct Shares {
-    Float8 ambient, diffuse, specular;
-};
-
 template <class Finish_>
-inline Shares shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival, Float8 strength,
-                        const Finish_& finish)
+inline LightWeights<Float8> shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival,
+                                      Float8 strength, const Finish_& finish)
 {
     const Float8 none = 0.0f;
-    Shares share { strength, strength * max(arrival.facing, none), none };
+    LightWeights<Float8> share { strength, strength * max(arrival.facing, none), none };
     if (finish.gloss.y != 0.0f || of_casting(finish).gloss != 0.0f) {
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
-        const Float8 halfway = length + 2.0f * dot(arrival.to_light, vertex.to_eye);
-        const Float8 highlight = saturate((arrival.facing + vertex.slant) * rsqrt(halfway));
+        const Float8 highlight = highlight_of(vertex, arrival.to_light, arrival.facing, length);
         // h^e is at most exp(-e (1 - h)): where that is nothing anywhere, no power is taken.
         if (!(finish.gloss.z > 0.0f) || any(finish.gloss.z * (1.0f - highlight) < 12.0f)) {
             const Float8 shine = pow(max(highlight, (Float8)MIN_NORMAL), finish.gloss.z);
@@ -81,34 +65,9 @@ inline Shares shares_of(const Light& light, const Vertices& vertex, const Arriva
     return share;
 }
 
-inline void add(Vec3x8& sum, Float8 share, const Float3Int& color) { sum = sum + share * broadcast(as_vec3(color)); }
 inline void add(Float8& sum, Float8 share, const Float3Int& color) { sum += share * color.x; }
-inline Vec3x8 in_channels(Vec3x8 sum) { return sum; }
-inline Vec3x8 in_channels(Float8 sum) { return { sum, sum, sum }; }
 
-template <class Sum> inline void add_shares(LightSum<Sum>& glow, const Shares& share, const Light& light)
-{
-    add(glow.matt, share.diffuse, light.diffuse);
-    add(glow.gloss, share.specular, light.specular);
-    if (light.ambient.w & AMBIENT)
-        add(glow.matt, share.ambient, light.ambient);
-}
-
-template <class Sum> inline Vec3x8 reflected_by(const LightSum<Sum>& glow, Vec3 base, const ResolvedMaterial& finish)
-{
-    return broadcast(base) + mul(in_channels(glow.matt), broadcast(as_vec3(finish.color)))
-        + finish.gloss.y * in_channels(glow.gloss);
-}
-
-// The same of a light that casts shadows alone.
-template <class Sum> inline Vec3x8 reflected_by(const LightSum<Sum>& glow, const Reflectance& reflectance)
-{
-    return mul(in_channels(glow.matt), broadcast(reflectance.matt)) + reflectance.gloss * in_channels(glow.gloss);
-}
-
-struct Lits {
-    Vec3x8 linear, display;
-};
+using Lits = LitColorOf<Vec3x8>;
 
 // LINEAR: whether light that is not clipped is asked for.
 template <bool SHADOWS, bool LINEAR, class Sum, class Finish_, class... Eye_>
@@ -121,7 +80,7 @@ static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Fa
     lit = { { none, none, none }, { none, none, none } };
     const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Int8)-1; };
     for (int k = 0; k < corners; ++k) {
-        const Vertices vertex = vertices_at((facet.place[k] - ... - eye), facet.normal[k]);
+        const Vertices vertex = vertex_at((facet.place[k] - ... - eye), facet.normal[k]);
         const Float8 weight = corners == 1 ? one : weights[k];
         LightSum<Sum> glow {};
         for (int n = 0; n < list.count; ++n) {
@@ -132,19 +91,19 @@ static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Fa
             if (!any(light.ambient.w & AMBIENT ? reached : reached & (arrival.facing > none)))
                 continue;
             const Float8 strength = reached ? strength_of(light, arrival) : none;
-            const Shares share = shares_of(light, vertex, arrival, strength, finish);
+            const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, finish);
             if (!casts) {
-                add_shares(glow, share, light);
+                add_share(glow, share, light);
             } else {
                 LightSum<Sum> own {};
-                add_shares(own, share, light);
-                const Vec3x8 added = reflected_by(own, of_casting(finish));
+                add_share(own, share, light);
+                const Vec3x8 added = reflected<Vec3x8>(own, of_casting(finish));
                 if (LINEAR)
                     lit.linear = lit.linear + weight * added;
                 lit.display = lit.display + weight * clip(added);
             }
         }
-        const Vec3x8 steady = reflected_by(glow, base, finish);
+        const Vec3x8 steady = reflected<Vec3x8>(glow, base, finish);
         if (LINEAR)
             lit.linear = lit.linear + weight * steady;
         lit.display = lit.display + weight * clip(steady);
@@ -162,31 +121,10 @@ inline void illuminate_eight(const LightList& list, const Facets& facet, int cor
         illuminate_eight_as<SHADOWS, LINEAR, Float8>(list, facet, corners, finish, shadow, lit, eye...);
 }
 
-// As own_shadow().
-WARPCAM_NOINLINE_CPU inline Int8 own_shadow_of_eight(const LightList& list, const Camera& camera, const Vec3x8& place,
-                                              const Vec3x8& normal)
-{
-    Int8 shadow = 0;
-    for (int n = 0; n < list.count; ++n) {
-        const Light& light = list.lights[n];
-        if (!dims(light))
-            continue;
-        const bool spot = light.ambient.w & SPOT;
-        const ShadowMap map = map_of(list, light, camera);
-        const Vec3x8 source = broadcast(as_vec3(light.place));
-        Float8 along;
-        Int8 dark = ~(dot(normal, spot ? source - place : source) > 0.0f);
-        if (map.bounded)
-            dark &= has_place(map, !spot, place, along);
-        shadow |= dark & light.place.w;
-    }
-    return shadow;
-}
-
 // What eight corners of a plane show; `stride` numbers apart.
-template <class Sum, bool SHADOWS>
-inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 normal, const ResolvedMaterial& finish, int stride,
-                                int count, float* values)
+template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 normal,
+                                                                   const ResolvedMaterial& finish, int stride,
+                                                                   int count, float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(Float8);
     const auto keep = [&](Vec3x8 color, int slot) {
@@ -198,24 +136,24 @@ inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 norm
             }
         }
     };
-    const Vertices vertex = vertices_at(place, normal);
+    const Vertices vertex = vertex_at(place, normal);
     LightSum<Sum> steady {};
     int slot = CHANNELS;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         const Arrivals arrival = arrivals_of(light, vertex);
         const Float8 strength = arrival.shone ? strength_of(light, arrival) : (Float8)0.0f;
-        const Shares share = shares_of(light, vertex, arrival, strength, finish);
+        const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, finish);
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
-            add_shares(own, share, light);
-            keep(clip(reflected_by(own, of_casting(finish))), slot);
+            add_share(own, share, light);
+            keep(clip(reflected<Vec3x8>(own, of_casting(finish))), slot);
             slot += CHANNELS;
         } else {
-            add_shares(steady, share, light);
+            add_share(steady, share, light);
         }
     }
-    keep(clip(reflected_by(steady, always_on(list, finish), finish)), 0);
+    keep(clip(reflected<Vec3x8>(steady, always_on(list, finish), finish)), 0);
 }
 
 // As light_corners().
@@ -274,19 +212,14 @@ struct OnCornersOfEight {
     {
         if (together)
             return of_one(values);
-        return weight1 * build_shape_list(values, first) + weight2 * build_shape_list(values, second) + weight3 * build_shape_list(values, third);
+        return weight1 * build_shape_list(values, first) + weight2 * build_shape_list(values, second)
+               + weight3 * build_shape_list(values, third);
     }
 };
 
-inline Float8 on_axis(const CellAxis& axis, Float8 x)
-{
-    const Float8 cell = axis.rate * x + axis.start;
-    return cell + axis.stretch * (cell - clamp(cell, (Float8)axis.low, (Float8)axis.high));
-}
-
 template <class Grid> inline OnCornersOfEight on_corners(const Grid& grid, Vec3x8 local)
 {
-    const Float8 u = on_axis(grid.u, local.x), v = on_axis(grid.v, local.y);
+    const Float8 u = grid.u.at(local.x), v = grid.v.at(local.y);
     const Float8 whole_u = round_down(u), whole_v = round_down(v), none = 0.0f;
     const Float8 a = u - whole_u, b = v - whole_v;
     const Int8 high = a + b > 1.0f;

@@ -29,10 +29,10 @@ constexpr int corner_room(int pixels, int bytes)
 struct CellAxis {
     float rate, start, low, high, stretch;
 
-    WARPCAM_DEVICE float at(float x) const
+    template <class Number> WARPCAM_DEVICE Number at(Number x) const
     {
-        const float cell = rate * x + start;
-        return cell + stretch * (cell - clamp(cell, low, high));
+        const Number cell = rate * x + start, least = low, most = high;
+        return cell + stretch * (cell - clamp(cell, least, most));
     }
 };
 
@@ -256,7 +256,8 @@ WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
 
 // Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
-WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& finish, float* values)
+WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& finish,
+                                 float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
     const LightingVertex corner = vertex_at(place, normal);
@@ -267,7 +268,7 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         LightDirection arrival;
-        LightWeights share;
+        LightWeights<float> share;
         if (light.ambient.w & SPOT) {
             arrival = arrival_of<true>(light, corner, 1.0f);
             if (light.ambient.w & FADES)
@@ -280,13 +281,13 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected(own, of_casting(finish))), Sum {});
+            keep(values + slot, shown(reflected<Vec3>(own, of_casting(finish))), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, shown(reflected(steady, always_on(list, finish), finish)), Sum {});
+    keep(values, shown(reflected<Vec3>(steady, always_on(list, finish), finish)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
@@ -334,7 +335,8 @@ WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsign
     }
 }
 
-template <class Appearances> WARPCAM_DEVICE void view_floor(FloorView& view, const Appearances& look, const Camera& camera)
+template <class Appearances>
+WARPCAM_DEVICE void view_floor(FloorView& view, const Appearances& look, const Camera& camera)
 {
     const ShapeFromCamera& pose = look.pose;
     view.axis_x = pose.axis_x;
@@ -360,9 +362,9 @@ template <class Appearances> WARPCAM_DEVICE void view_floor(FloorView& view, con
 }
 
 // A team calls it. `sheet` as above.
-template <class Appearances>
-WARPCAM_DEVICE void see_floor(BareGrid& grid, const Appearances& look, const Camera& camera, int plane, unsigned long long sheet,
-                          int lane)
+template <class Appearances> WARPCAM_DEVICE void see_floor(BareGrid& grid, const Appearances& look,
+                                                           const Camera& camera, int plane, unsigned long long sheet,
+                                                           int lane)
 {
     list_levels(grid.view, look, sheet, lane);
     if (lane != 0)

@@ -22,19 +22,24 @@ WARPCAM_DEVICE ShadowMap map_of(const LightList& list, const Light& light, const
 
 // The bits of the lights in whose shadow a shape that shades itself has a place, as far as it comes from that shape.
 // In the camera's frame; `normal` is the shape's own.
-static WARPCAM_NOINLINE int own_shadow(const LightList& list, const Camera& camera, Vec3 place, Vec3 normal)
+template <class Vector> static WARPCAM_NOINLINE IntOf<Vector> own_shadow(const LightList& list, const Camera& camera,
+                                                                         Vector place, Vector normal)
 {
-    int shadow = 0;
+    using Int = IntOf<Vector>;
+    Int shadow = 0;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         if (!dims(light))
             continue;
         const bool spot = light.ambient.w & SPOT;
         const ShadowMap map = map_of(list, light, camera);
-        float along;
-        if (!(dot(normal, spot ? as_vec3(light.place) - place : as_vec3(light.place)) > 0.0f)
-            && (!map.bounded || has_place(map, !spot, place, along)))
-            shadow |= light.place.w;
+        const Vector source = broadcast<Vector>(as_vec3(light.place));
+        NumberOf<Vector> along;
+        MaskOf<Vector> dark = !(dot(normal, spot ? source - place : source) > 0.0f);
+        if (map.bounded && any(dark))
+            dark = dark & has_place(map, !spot, place, along);
+        const Int none = 0, bit = light.place.w;
+        shadow |= dark ? bit : none;
     }
     return shadow;
 }

@@ -11,12 +11,14 @@ using SurfaceInteraction8 = SurfaceInteractionOf<Vec3x8>;
 inline SurfaceInteraction get_lane(const SurfaceInteraction8& surface, int k)
 {
     const TriangleOf<Vec3x8>& triangle = surface.triangle;
-    return {
-        get_lane(surface.local, k), get_lane(surface.normal, k),
-        surface.part[k],          surface.corner[k],
-        surface.flat[k] != 0,     { get_lane(triangle.origin, k), get_lane(triangle.edge1, k), get_lane(triangle.edge2, k) },
-        surface.weight1[k],       surface.weight2[k]
-    };
+    return { get_lane(surface.local, k),
+             get_lane(surface.normal, k),
+             surface.part[k],
+             surface.corner[k],
+             surface.flat[k] != 0,
+             { get_lane(triangle.origin, k), get_lane(triangle.edge1, k), get_lane(triangle.edge2, k) },
+             surface.weight1[k],
+             surface.weight2[k] };
 }
 
 inline void ellipsoid_surface(Vec3 half, SurfaceInteraction8& surface)
@@ -45,8 +47,9 @@ static WARPCAM_NOINLINE void barrel_surface(Vec3 size, const Vec3x8& ray, Surfac
     each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { barrel_surface(size, ray, one); });
 }
 
-template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surface(const HeightFields& fields, int field,
-                                                                             const int* faces, SurfaceInteraction8& surface)
+template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surface(const HeightFields& fields,
+                                                                                    int field, const int* faces,
+                                                                                    SurfaceInteraction8& surface)
 {
     const int rows = wp::index(fields.rows, field), columns = wp::index(fields.columns, field);
     const auto size = wp::index(fields.size, field);
@@ -72,8 +75,8 @@ template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surf
     surface.normal = select(top, surface.normal, outside);
 }
 
-template <int TYPES, class Meshes>
-inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose, const int* faces, Vec3x8 ray, SurfaceInteraction8& surface)
+template <int TYPES, class Meshes> inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
+                                                            const int* faces, Vec3x8 ray, SurfaceInteraction8& surface)
 {
     const MeshStart start = mesh_start<TYPES>(meshes, pose);
     for (int k = 0; k < SIMD_WIDTH; ++k) {
@@ -89,30 +92,15 @@ inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose, cons
     triangle_surface(surface);
 }
 
-template <int TYPES, class Meshes>
-inline Vec3x8 smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes, const SurfaceInteraction8& surface)
+// The normals at corner `i` of the triangles; those of flat ones are their own.
+template <class Meshes> inline Vec3x8 vertex_normal(const Meshes& meshes, const SurfaceInteraction8& surface, int i)
 {
-    if constexpr ((TYPES >> MESH & 1) != 0) {
-        if (pose.type() == MESH) {
-            constexpr bool STRETCHED = TYPES >> PER_SHAPE_SCALE & 1, LATE = TYPES >> LIT_NORMALS & 1;
-            const Vec3x8 size = broadcast(as_vec3(pose.size));
-            const Float8 weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 },
-                         none = 0.0f;
-            Vec3x8 sum { none, none, none };
-            for (int i = 0; i < 3; ++i) {
-                Vec3x8 normal;
-                for (int k = 0; k < SIMD_WIDTH; ++k)
-                    set_lane(normal, k,
-                            surface.flat[k] ? get_lane(surface.normal, k)
-                                            : as_vec3(wp::index(meshes.normals, surface.corner[k] + i)));
-                sum = sum + weights[i] * (STRETCHED && !LATE ? normalized(div(normal, size)) : normal);
-            }
-            if (STRETCHED && LATE)
-                sum = div(sum, size);
-            return select(surface.flat | ~(dot(sum, sum) > 1.0e-12f), surface.normal, normalized(sum));
-        }
-    }
-    return surface.normal;
+    Vec3x8 normal;
+    for (int k = 0; k < SIMD_WIDTH; ++k)
+        set_lane(normal, k,
+                 surface.flat[k] ? get_lane(surface.normal, k)
+                                 : as_vec3(wp::index(meshes.normals, surface.corner[k] + i)));
+    return normal;
 }
 
 // True if the shape is lit at the corners of triangles, false if at each pixel.
@@ -129,7 +117,8 @@ template <int TYPES, class Appearances> inline bool lit_at_corners(const Appeara
 using Facets = GouraudTriangleOf<Vec3x8>;
 
 template <int TYPES, class Appearances, class Meshes>
-inline void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place, Facets& facet)
+inline void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place,
+                     Facets& facet)
 {
     const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
@@ -150,17 +139,11 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
     }
     if constexpr ((TYPES >> MESH & 1) != 0) {
         if (type == MESH) {
-            Vec3x8 normal[3];
-            for (int k = 0; k < SIMD_WIDTH; ++k)
-                for (int i = 0; i < 3; ++i)
-                    set_lane(normal[i], k,
-                            surface.flat[k] ? get_lane(surface.normal, k)
-                                            : as_vec3(wp::index(meshes.normals, surface.corner[k] + i)));
             for (int i = 0; i < 3; ++i) {
+                Vec3x8 normal = vertex_normal(meshes, surface, i);
                 if ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
-                    normal[i] = select(surface.flat, normal[i],
-                                       normalized(div(normal[i], broadcast(as_vec3(pose.size)))));
-                facet.normal[i] = pose.seen(normal[i]);
+                    normal = select(surface.flat, normal, normalized(div(normal, broadcast(as_vec3(pose.size)))));
+                facet.normal[i] = pose.seen(normal);
             }
         }
     }

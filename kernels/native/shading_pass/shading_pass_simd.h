@@ -117,7 +117,8 @@ struct EightHits {
 
 // World-frame normals of surfaces that face the camera.
 template <int TYPES, class Appearances, class Scene_>
-inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface, const Vec3x8& ray)
+inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface,
+                             const Vec3x8& ray)
 {
     const ShapeToWorldRotation& turn = look.turn;
     const Float3Int a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
@@ -133,13 +134,14 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
 // The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
 template <int TYPES, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
 inline void light_eight(const Appearances& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
-                        const SurfaceInteraction8& surface, const OffsetRay8& beams, const Vec3x8& place, Int8 shadow, Lits& lit)
+                        const SurfaceInteraction8& surface, const OffsetRay8& beams, const Vec3x8& place, Int8 shadow,
+                        Lits& lit)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
     const ShapeFromCamera& pose = look.pose;
     if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
-            shadow |= own_shadow_of_eight(lights, camera, place, pose.seen(surface.normal));
+            shadow |= own_shadow(lights, camera, place, pose.seen(surface.normal));
     Int8 inside = 0;
     if constexpr (BY_CORNERS)
         if (id == lights.grid.shape) {
@@ -170,10 +172,12 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
 constexpr int TOGETHER = 4;
 
 // Shades packets; of the last packet `rest` pixels count, of the others all.
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows, class PbrInputs>
-WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id, const List& lights,
-                                        const Scene_& scene, const Rows& rows, Vec3 gain, const EightHits* hits,
-                                        const short* pixels, int packets, int rest, PbrInputs& painted)
+template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
+          class PbrInputs>
+WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id,
+                                               const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
+                                               const EightHits* hits, const short* pixels, int packets, int rest,
+                                               PbrInputs& painted)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -219,7 +223,8 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
         const Int8 shadow = SHADOWS ? hits[n].shadow : (Int8)0;
         Lits lit;
         if constexpr (Wants::LIT && Wants::COATED) {
-            const Vec3x8 to_eye = LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -beams[n].direction : -normalized(place);
+            const Vec3x8 to_eye =
+                LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -beams[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
             shade_eight_physically<TYPES, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
@@ -227,8 +232,8 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<TYPES, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n], beams[n],
-                                                           place, shadow, lit);
+            light_eight<TYPES, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+                                                               beams[n], place, shadow, lit);
             const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
             lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
         }
