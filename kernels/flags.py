@@ -44,6 +44,7 @@ class SceneFlag(IntFlag):
     COINCIDENT = 1 << 25  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
 
 
+NO_SCENE_FLAGS = SceneFlag(0)
 # Features that only colours and normals depend on.
 APPEARANCE_FLAGS = (
     SceneFlag.TEXTURE_FROM_ABOVE
@@ -128,6 +129,9 @@ class ShadingFlag(IntFlag):
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own
     HAS_EXPOSURE = 1 << 23
     HAS_MIPS = 1 << 24  # each texture but cubes has a mipmapped one; told where floors are looked up by them
+
+
+NO_FACTS = ShadingFlag(0)
 
 
 class SplatFlag(IntFlag):
