@@ -109,7 +109,7 @@ def test_images_of_whole_regions_are_as_those_of_parts(
 
 
 def tables(*types: int, **other: Any) -> Any:
-    facts = {"num_drawn": 20, "physical": None, "splats": None, "variety": None, **other}
+    facts = {"num_drawn": 20, "physical": None, "splats": None, "world_overrides": None, **other}
     return type("Tables", (), {"shape_types": frozenset({SPHERE, *types}), **facts})()
 
 

@@ -155,7 +155,7 @@ class SceneGraphSource:
 
     def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
         """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
-        wp.launch(pose_kernels.drive, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
+        wp.launch(pose_kernels.write_driven_poses, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
         self._follow(self._driven_kinds)
 
     def columns_of(self, nodes: Sequence[int]) -> wp.array:
