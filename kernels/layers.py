@@ -31,7 +31,7 @@ class Haze:
 
 @dataclass(frozen=True, eq=False)
 class LayerTables:
-    """What a scene has of these.
+    """Layer tables of a scene.
 
     Attributes:
         mirrors: int32, ids of the shapes that may reflect, ascending.

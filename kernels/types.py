@@ -50,7 +50,7 @@ TEXTURE_CUBE = 1
 
 @wp.struct
 class Shapes:
-    """What can be seen: a table over worlds and shapes.
+    """Visible shapes: a table over worlds and shapes.
 
     ``shape`` is the source's own id (a MuJoCo geom id), or a column whose ids in each world are in ``ids``.
     """
@@ -138,7 +138,7 @@ class HeightFields:
 
 @wp.struct
 class Materials:
-    """How surfaces look. MuJoCo's material, which other sources are translated to."""
+    """Materials of surfaces. MuJoCo's material, which other sources are translated to."""
 
     color: wp.array2d(dtype=wp.vec4)  # (world*, material) RGBA
     emission: wp.array2d(dtype=wp.float32)  # (world*, material)
@@ -192,7 +192,7 @@ class Lights:
 
 @wp.struct
 class Physical:
-    """What physically based scenes have beside Materials and Lights, whose colours mean another thing here.
+    """Tables of physically based scenes beside Materials and Lights, whose colours have another meaning here.
 
     A light's diffuse and specular colours are what a white surface that faces it shows: of a directional light
     anywhere, of a point as its attenuation has it; of lights of a size they are its radiance. All of it linear.
@@ -232,7 +232,7 @@ class View:
 
 @wp.struct
 class Background:
-    """What a pixel that hits nothing shows."""
+    """Colour of pixels that hit nothing."""
 
     color: wp.vec3  # display colour
     skybox: wp.int32  # index of a cube texture, or -1

@@ -61,7 +61,10 @@ def load() -> None:
 
 
 def max_listed(num_faces: int) -> int:
-    """How many faces the leaves of a mesh list at most, as room_for(): those that are cut stand in several."""
+    """Return the most faces that the leaves of a mesh list, as room_for() has it.
+
+    Faces that are split occur several times.
+    """
     return 2 * num_faces
 
 

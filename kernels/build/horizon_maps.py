@@ -1,4 +1,4 @@
-"""What a mesh's own faces hide of the sky from each of them: see native/accel/horizon_map.h."""
+"""Horizon maps of meshes: the sky that a mesh's own faces hide from each face. See native/accel/horizon_map.h."""
 
 import functools
 
@@ -11,7 +11,7 @@ from warpcam.kernels.types import Meshes
 
 @functools.cache
 def kernel() -> wp.Kernel:
-    """What finds them, for CUDA."""
+    """Return the kernel that computes horizon maps, for CUDA."""
 
     @wp.func_native("warpcam::find_horizon(meshes, mesh, face);")
     def find(meshes: Meshes, mesh: int, face: int): ...
@@ -31,7 +31,10 @@ def kernel() -> wp.Kernel:
 
 
 def uses_horizon_maps(device: wp.Device) -> bool:
-    """Whether scenes of the device have horizons: finding them takes a core of a CPU longer than building trees."""
+    """Return whether scenes of the device have horizon maps.
+
+    A CPU core takes longer to compute them than to build trees.
+    """
     return bool(device.is_cuda)
 
 

@@ -1,4 +1,4 @@
-"""Where meshes surely stop light: see native/shadow/occluder_boxes.h."""
+"""Occluder boxes of meshes: see native/shadow/occluder_boxes.h."""
 
 import functools
 
@@ -14,7 +14,7 @@ TURNS, SLABS = 4, 24  # native/build/occluder_builder.h
 
 @functools.cache
 def kernel() -> wp.Kernel:
-    """What tries them."""
+    """Return the kernel that tests candidates."""
 
     @wp.func_native("return warpcam::find_shutter(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
     def find(  # type: ignore[empty-body]

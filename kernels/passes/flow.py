@@ -1,4 +1,4 @@
-"""What was where when a world was last drawn, and how shapes have moved in a camera's image since.
+"""Optical flow: state of the previous frame, and the motion of shapes in a camera's image since then.
 
 The trace itself writes ``flow`` and ``flow_valid`` (native/flow/optical_flow.h). Before it one thread for each shape
 composes how it has moved (native/flow/shape_motion.h), where shapes are few in its own blocks or in the stage of
@@ -20,7 +20,7 @@ wp.set_module_options(compiler_flags())
 
 @wp.struct
 class FlowHistory:
-    """What the trace reads of all that and writes."""
+    """Arrays of the flow history that the trace reads and writes."""
 
     flow: wp.array(dtype=wp.float32)  # (pixel * 2,) may be empty
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty

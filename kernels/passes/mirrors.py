@@ -109,7 +109,10 @@ def write_mirrors(
 
 @functools.cache
 def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
-    """What the trace of the mirrored view reads and writes; each image (world * height * width,), not turned over."""
+    """Arrays that the trace of the mirrored view reads and writes.
+
+    Each image is (world * height * width,) and not mirrored.
+    """
 
     @wp.struct
     class MirrorTarget:

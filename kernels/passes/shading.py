@@ -58,7 +58,7 @@ def frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same with what mirrors, transparent shapes and haze need."""
+    """Struct of one camera's visibility with the tables of mirrors, transparent shapes and haze."""
 
     @wp.struct
     class LayeredFrame:
@@ -82,7 +82,7 @@ def layered_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def overridden_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same with what worlds have each for itself."""
+    """Struct of one camera's visibility with layers and per-world overrides."""
 
     @wp.struct
     class VariedFrame:
@@ -107,7 +107,7 @@ def overridden_frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @wp.struct
 class ShadedImages:
-    """What the kernel writes, channel after channel of pixel after pixel; empty where it was not asked for."""
+    """Images that the kernel writes, channel after channel of pixel after pixel; empty if not asked for."""
 
     rgb: wp.array(dtype=wp.uint8)
     rgba: wp.array(dtype=wp.uint8)

@@ -14,7 +14,7 @@ from warpcam.kernels.types import HeightFields, Lights, Materials, Meshes, Shape
 
 @functools.cache
 def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """What the shadow kernel reads and writes, each (world * height * width,)."""
+    """Arrays that the shadow kernel reads and writes, each (world * height * width,)."""
 
     @wp.struct
     class Shaded:

@@ -36,7 +36,7 @@ OUTPUTS: Mapping[str, type] = {
 
 @wp.struct
 class SplatImages:
-    """What is drawn over, channel after channel of pixel after pixel; empty where it was not asked for."""
+    """Images that Gaussians are drawn over, channel after channel of pixel after pixel; empty if not asked for."""
 
     rgb: wp.array(dtype=wp.uint8)
     rgba: wp.array(dtype=wp.uint8)
@@ -72,7 +72,7 @@ def _frame_struct(shape_dtype: Any) -> Any:
 
 @functools.cache
 def _flow_frame_struct(shape_dtype: Any) -> Any:
-    """The same where flow is wanted."""
+    """Struct of one camera's images with the history of flow."""
 
     @wp.struct
     class FlowFrame:
@@ -89,7 +89,7 @@ def _flow_frame_struct(shape_dtype: Any) -> Any:
 
 @functools.cache
 def _exposed_frame_struct(shape_dtype: Any) -> Any:
-    """The same where the camera has an exposure; the trail may be empty."""
+    """Struct of one camera's images with its exposures; the history of flow may be empty."""
 
     @wp.struct
     class ExposedFrame:
@@ -108,7 +108,7 @@ def _exposed_frame_struct(shape_dtype: Any) -> Any:
 
 @functools.cache
 def _solid_frame_struct(shape_dtype: Any) -> Any:
-    """The same where clouds are solid; the trail and the exposures may be empty."""
+    """Struct of one camera's images for solid clouds; the history of flow and the exposures may be empty."""
 
     @wp.struct
     class SolidFrame:

@@ -1,4 +1,4 @@
-"""Where the trace writes: a struct for what each kind of trace has."""
+"""Targets of the trace: a struct for each kind of trace."""
 
 import functools
 from typing import Any
@@ -21,7 +21,7 @@ class LabelImages:
 
 @functools.cache
 def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """Where the trace writes. Arrays that were not asked for are empty."""
+    """Target of the trace. Arrays that were not asked for are empty."""
 
     @wp.struct
     class Target:
@@ -50,7 +50,7 @@ def target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same, of a trace that leaves out what is transparent."""
+    """Target of a trace that leaves out transparent shapes."""
 
     @wp.struct
     class OpaqueTarget:
@@ -73,7 +73,7 @@ def opaque_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def albedo_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same, of a trace that writes albedo."""
+    """Target of a trace that writes albedo."""
 
     @wp.struct
     class PaintedTarget:
@@ -99,7 +99,7 @@ def albedo_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def flow_target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """The same, of a trace that writes flow."""
+    """Target of a trace that writes flow."""
 
     @wp.struct
     class FlowTarget:

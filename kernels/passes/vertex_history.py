@@ -1,4 +1,4 @@
-"""Where the corners of meshes that move were when worlds were last drawn: what flow.py needs of them."""
+"""Vertices of moving meshes in the previous frame, for flow.py."""
 
 from typing import Any
 

@@ -14,7 +14,7 @@ wp.set_module_options(compiler_flags())
 
 @dataclass(frozen=True, eq=False)
 class FrameCounters:
-    """What tells one frame of a world from another.
+    """Counters that tell one frame of a world from another.
 
     Attributes:
         frames: int32, (world,): how many frames have drawn it.
@@ -57,7 +57,7 @@ DEGREE = 0.017453292519943295
 
 @wp.struct
 class CameraPose:
-    """Where one camera is: in the source's own arrays, or in ours, on a body or in the world."""
+    """Pose of one camera: in the source's own arrays, or in ours, on a body or in the world."""
 
     own: wp.int32  # 1: a camera of the user's, 0: one of the source's
     column: wp.int32  # of the camera in `positions` and `rotations`
@@ -71,7 +71,7 @@ class CameraPose:
 
 @wp.struct
 class LensParams:
-    """How one camera sees."""
+    """Lens parameters of one camera."""
 
     kind: wp.int32  # FOVY, INTRINSICS, SENSOR, HEIGHT or TABLE
     column: wp.int32  # of the camera in `angles` and `intrinsics`
@@ -87,7 +87,7 @@ class LensParams:
 
 @wp.struct
 class FrameStart:
-    """What a frame does to a world it draws before anything else; see ``start_frame``."""
+    """Changes that a frame makes to a world before it draws it; see ``open_frame``."""
 
     everything: wp.int32  # 1: all worlds are drawn, and the mask is made to say so; 0: those that it has
     frame_state: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
@@ -199,7 +199,7 @@ def write_view(
 
 @wp.func
 def next_frame_state(state: wp.int32) -> wp.int32:
-    """What is known of a world's last frame, in the frame that follows."""
+    """Return the state of a world's history in the following frame."""
     turned = FIRST
     if state == 0:
         turned = NEW

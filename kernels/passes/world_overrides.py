@@ -1,4 +1,4 @@
-"""What worlds may have each for itself beside the tables of types.py. Only scenes and cameras that ask for it pay."""
+"""Per-world overrides beside the tables of types.py. Only scenes and cameras that ask for them pay."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ def copy_overrides(overrides: Any) -> WorldOverrides:
 
 
 def without_background(overrides: Any, device: wp.Device) -> Any:
-    """The same with the scene's one background."""
+    """Return the overrides with the scene's one background."""
     if overrides is None or not overrides.skyboxes.size:
         return overrides
     other, empty = copy_overrides(overrides), empty_overrides(device)

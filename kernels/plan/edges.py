@@ -74,17 +74,17 @@ def plan_edges(
 
 
 def in_place(tables: SceneTables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
-    """Whether images are smoothed where they were lit, without a buffer of their colours."""
+    """Return whether images are smoothed in place, without a buffer of their colours."""
     if not device.is_cuda or not _by_words(tables, images, width, height):
         return False
     return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 
 
 def wave(device: wp.Device) -> int:
-    """How many images a device smooths in place at once: worlds that are drawn together are a multiple of them."""
+    """Return the number of images that a device smooths in place at once: groups of worlds are multiples of it."""
     return device.sm_count * BLOCKS_IN_PLACE
 
 
 def _by_words(tables: SceneTables, images: Collection[str], width: int, height: int) -> bool:
-    """Whether colours are loaded by words, of scenes that gain by it."""
+    """Return whether colours are loaded by words, in scenes that gain by it."""
     return MESH in tables.shape_types and "hdr" not in images and width * height % 4 == 0 and width >= 3

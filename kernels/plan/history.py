@@ -12,13 +12,13 @@ FLOOR_REGION = 64  # pixels, native/flow/plane_history.h
 
 
 def is_compact(tables: SceneTables) -> bool:
-    """Whether what is kept of a pixel has 16 bits, not 32: where all shapes are convex and few."""
+    """Return whether the history of a pixel has 16 bits, not 32: if all shapes are convex and few."""
     convex = tables.splats is None and launches.is_analytic(tables.shape_types)
     return convex and tables.num_shapes <= COMPACT_SHAPES
 
 
 def composes(tables: SceneTables, device: wp.Device) -> bool:
-    """Whether blocks of the trace or of view_shape_lists.py compose how shapes have moved, not a stage of its own."""
+    """Return whether the trace or view_shape_lists.py composes how shapes have moved, not a stage of its own."""
     few = tables.num_shapes <= launches.list_capacity(tables.num_drawn) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 

@@ -54,17 +54,17 @@ class SceneTypes:
 
 
 def scene_types(tables: SceneTables, without: SceneFlag = NO_SCENE_FLAGS) -> SceneTypes:
-    """Those of a scene, without some of its features."""
+    """Return the shapes and features of a scene, without some of the features."""
     return SceneTypes(geometry_of(tables.shape_types), tables.flags & ~without)
 
 
 def is_analytic(shape_types: Set[int]) -> bool:
-    """Whether no ray walks through meshes or height fields."""
+    """Return whether there are neither meshes nor height fields, which rays walk through."""
     return {MESH, HEIGHT_FIELD}.isdisjoint(shape_types)
 
 
 def regions_of(width: int, height: int, region: tuple[int, int]) -> int:
-    """How many regions an image has."""
+    """Return the number of regions of an image."""
     return -(-width // region[0]) * -(-height // region[1])
 
 
@@ -82,7 +82,7 @@ def in_order(types: SceneTypes, threads: int, device: wp.Device) -> SceneTypes:
 
 
 def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
-    """How many shapes a block lists at once, for a scene of that many."""
+    """Return the capacity of a block's shape list for a scene of that many shapes."""
     return next(size for size in CAPACITIES if size >= min(num_drawn, most))
 
 

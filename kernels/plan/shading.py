@@ -128,13 +128,13 @@ def plan_shading(
 
 
 def has_plane_path(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether textures are looked up on atlases and floors drawn apart: see native/shading/appearance.h."""
+    """Return whether textures are looked up in mip atlases and planes shaded apart: see native/shading/appearance.h."""
     types = frozenset(shape_types)
     return PLANE in types and launches.is_analytic(types) and num_drawn <= MAX_PLANE_PATH
 
 
 def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Whether floors may be drawn by strips, from atlases of their textures: native/shading_pass/plane_strips.h."""
+    """Return whether planes may be shaded by strips, from mip atlases: native/shading_pass/plane_strips.h."""
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
@@ -158,7 +158,7 @@ def traced_albedo_facts(tables: SceneTables) -> ShadingFlag:
 
 
 def override_flags(overrides: Any, headlights: bool) -> ShadingFlag:
-    """What worlds have each for themselves."""
+    """Return the flags of what worlds have each for themselves."""
     flags = flag_if(ShadingFlag.HEADLIGHTS, headlights)
     if overrides is None:
         return flags

@@ -63,7 +63,7 @@ def plan_shadow(
 
 
 def has_occluder_boxes(tables: SceneTables) -> bool:
-    """Whether its meshes have occluder boxes: pack_meshes of accel/meshes.py."""
+    """Return whether the scene's meshes have occluder boxes: pack_meshes of accel/meshes.py."""
     return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
 
 

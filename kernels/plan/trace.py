@@ -172,7 +172,7 @@ def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bo
 def capacity_of(
     tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
 ) -> int:
-    """How many shapes the list of a camera has room for; 0 where there is none."""
+    """Return the capacity of the camera's shape lists; 0 for no lists."""
     few = 0 < tables.num_drawn <= LANES
     plain = launches.is_analytic(tables.shape_types) and not tables.ids_by_world
     alike = history.composes(tables, device)  # what the stage composes is what a block would
@@ -193,7 +193,7 @@ def rows_of(capacity: int, outputs: Collection[str]) -> int:
 
 
 def parts_of(images: Collection[str], width: int, height: int) -> int:
-    """How many blocks share an image whose shapes have been listed: native/traversal/trace_outputs.h has the same."""
+    """Return the number of blocks that share an image whose shapes have been listed: trace_outputs.h has the same."""
     pixels = launches.REGIONS[0][0] * launches.REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
@@ -218,14 +218,14 @@ def blocks(types: SceneTypes, capacity: int) -> int:
 
 
 def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
-    """How many tiles, one below the other, a warp of a CUDA block draws at once: native/traversal/trace_outputs.h."""
+    """Return the number of tiles that a warp of a CUDA block draws at once: native/traversal/trace_outputs.h."""
     return 2 if launches.is_analytic(shape_types) and region[0] * region[1] >= 32 * 32 else 1
 
 
 def traces_albedo(
     tables: SceneTables, lens: str, width: int, height: int, at_once: int, images: Collection[str], device: wp.Device
 ) -> bool:
-    """Whether the trace of these images writes albedo, too: native/shading_pass/visibility_albedo.h."""
+    """Return whether the trace of these images writes albedo, too: native/shading_pass/visibility_albedo.h."""
     plain = launches.is_analytic(tables.shape_types) and tables.physical is None and tables.splats is None
     moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
     if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > launches.MAX_LISTED:
@@ -252,7 +252,7 @@ def _outputs(tables: SceneTables, images: Collection[str], device: wp.Device) ->
 
 
 def _whole_image(tables: SceneTables, device: wp.Device, valid: bool) -> TraceFlag:
-    """What a trace of flow is told whose blocks draw whole images. With many shapes they have no room for words."""
+    """Return the flags of a trace whose blocks draw whole images; with many shapes there is no room for words."""
     if not device.is_cuda:
         return TraceFlag(0)
     near = valid and history.is_compact(tables) and tables.num_drawn <= launches.MANY

@@ -6,7 +6,7 @@ MOST = 2**31  # numbers that a dimension of Warp's has fewer of
 
 
 def flatten(image: wp.array) -> wp.array:
-    """The same memory from its first number on, for native code, which counts on from there in 64 bits.
+    """Return the array's memory as one dimension, for native code, which indexes it in 64 bits.
 
     An image has fewer than 2^31 pixels, but with their channels it may have more numbers: then it is one of each pixel.
     """

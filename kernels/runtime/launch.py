@@ -124,7 +124,7 @@ class Stage:
 
     @property
     def is_ready(self) -> bool:
-        """Whether it is ready for launches."""
+        """True if it is ready for launches."""
         return bool(self._parts)
 
     def prepare(self) -> None:
@@ -298,7 +298,7 @@ def bind_launch(
 
 
 def cpu_chunks() -> int:
-    """How many parts a CPU launch is split into: some for each thread, to even out uneven work."""
+    """Return the number of parts of a CPU launch: several for each thread, to even out uneven work."""
     return 4 * cpu_threads() if cpu_threads() > 1 else 1
 
 

@@ -47,7 +47,7 @@ def preserve_cuda_context() -> Iterator[None]:
 
 
 def driver_installed() -> bool:
-    """Whether there is a CUDA driver; Warp does not tell where ``CUDA_VISIBLE_DEVICES`` hides every GPU from it."""
+    """Return whether there is a CUDA driver; Warp does not tell if ``CUDA_VISIBLE_DEVICES`` hides every GPU from it."""
     if wp.get_cuda_driver_version() is not None:
         return True
     try:

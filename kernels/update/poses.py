@@ -113,7 +113,7 @@ def set_visible(
 def finish_colors(
     colors: wp.array2d(dtype=wp.vec4), visible: wp.array2d(dtype=wp.uint8), out: wp.array2d(dtype=wp.vec4)
 ):
-    """What is hidden gets an alpha of 0, and is left out by the trace."""
+    """Set the alpha of hidden shapes to 0, so that the trace leaves them out."""
     world, shape = wp.tid()
     color = colors[world % colors.shape[0], shape]
     if visible[world % visible.shape[0], shape] == wp.uint8(0):
@@ -128,7 +128,7 @@ def set_textures(
     count: wp.int32,
     textures: wp.array3d(dtype=wp.int32),
 ):
-    """What is none of the ``count`` textures is no texture."""
+    """Set texture indices; indices outside the ``count`` textures mean no texture."""
     world, place = wp.tid()
     value = values[world % values.shape[0], place]
     textures[world, materials[place], 1] = wp.where(value < count, wp.max(value, -1), -1)

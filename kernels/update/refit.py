@@ -99,13 +99,13 @@ def move_normals(
 
 
 def kernels_of(backs: bool) -> list[wp.Kernel]:
-    """Those of most trees' stages; faces with ``backs`` have their normals from themselves."""
+    """Return the kernels of most trees' stages; faces with ``backs`` compute their own normals."""
     return [move_leaves, finish_trees] if backs else [move_leaves, finish_trees, move_normals]
 
 
 @dataclass(frozen=True)
 class FaceShading:
-    """How the faces of a moving mesh are shaded: see ``DeformingMeshes``."""
+    """Shading of the faces of a moving mesh: see ``Moving``."""
 
     offset: float = 0.0
     num_smooth: int = 0
@@ -113,7 +113,7 @@ class FaceShading:
 
 
 class DeformingTree:
-    """What the instances of one moving mesh have in common, and the stages that move them.
+    """Tree that the instances of one moving mesh share, and the stages that move it.
 
     Args:
         meshes: Of the scene, in which all instances have copies of one tree.

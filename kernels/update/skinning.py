@@ -13,7 +13,7 @@ wp.set_module_options(compiler_flags())
 
 @wp.struct
 class SkinWeights:
-    """What a skin hangs on: each vertex on some bodies, with weights."""
+    """Weights of a skin: each vertex is attached to some bodies."""
 
     starts: wp.array(dtype=wp.int32)  # (vertex + 1,) first of a vertex's bonds
     bodies: wp.array(dtype=wp.int32)  # (bond,)
@@ -57,7 +57,7 @@ def pose_vertices(
 
 @wp.func
 def _normal(surface: OffsetSurface, vertices: wp.array2d(dtype=wp.vec3), world: wp.int32, number: wp.int32) -> wp.vec3:
-    """What a face adds to the normals of its vertices."""
+    """Return a face's contribution to the normals of its vertices."""
     face = surface.faces[number]
     a = vertices[world, surface.first_vertex + face[0]]
     b = vertices[world, surface.first_vertex + face[1]]
@@ -117,7 +117,7 @@ def offset_vertices_by_world(
     normals: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    """The same with a world for each index: a face's normal is computed once, not for each of its vertices."""
+    """Offset vertices with a world for each index: a face's normal is computed once, not for each of its vertices."""
     world = first + wp.tid()
     width = surface.starts.shape[0] - 1
     begin = surface.first_point

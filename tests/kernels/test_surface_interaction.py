@@ -34,7 +34,8 @@ class Found:
     const SurfaceInteraction surface = surface_at<255>(look.pose, meshes, fields, face, as_vec3(local), sight);
     GouraudTriangle facet;
     facet_at<255>(look, meshes, surface, as_vec3(local), facet);
-    const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, as_vec3(step), as_vec3(step));
+    const Vec3 to_next = as_vec3(step);
+    const Footprint at = footprint_2d<255>(look.pose, look.layout, meshes, surface, sight, to_next, to_next);
     const Vec3 direction = map_cube<255>(look.pose, look.layout, surface).direction;
     auto& one = wp::index(found, i);
     one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);

@@ -131,7 +131,7 @@ def _key(vertices: np.ndarray, faces: np.ndarray) -> bytes:
 
 
 def cache_folder() -> Path | None:
-    """Where trees are kept, None for nowhere."""
+    """Return the folder of cached trees, or None for no cache."""
     own = os.environ.get("WARPCAM_CACHE_DIR")
     if own:
         return Path(own)

@@ -75,7 +75,7 @@ def count_levels(shape: tuple[int, ...]) -> int:
 
 
 def build_cells(heights: np.ndarray) -> np.ndarray:
-    """What the trace knows of each cell, (cell, 4) float32: see ``HeightFields.cells``."""
+    """Compute the bounds of each cell for the trace, (cell, 4) float32: see ``HeightFields.cells``."""
     corner, along_x = heights[:-1, :-1], heights[:-1, 1:]
     along_y, opposite = heights[1:, :-1], heights[1:, 1:]
     rise_x, rise_y = opposite - along_y, along_y - corner

@@ -1,4 +1,4 @@
-"""What was built once and may be wanted again: by content, within bounds."""
+"""Bounded cache of built structures, by content."""
 
 import hashlib
 import threading
@@ -26,14 +26,14 @@ class LruCache(Generic[Built]):
         self._lock = threading.Lock()
 
     def get(self, key: bytes, build: Callable[[], Built]) -> Built:
-        """What has that key, built if it is not there. Nobody may write to it."""
+        """Return the value of that key, and build it if it is absent. Nobody may write to it."""
         result = self.find(key)
         if result is None:
             self.keep(key, result := build())
         return result
 
     def find(self, key: bytes) -> Built | None:
-        """What has that key, None if nothing has. Nobody may write to it."""
+        """Return the value of that key, or None. Nobody may write to it."""
         with self._lock:
             if key in self._results:
                 self._results.move_to_end(key)
@@ -53,7 +53,7 @@ class LruCache(Generic[Built]):
 
 
 def key_of(*parts: np.ndarray | str | bool | int) -> bytes:
-    """The same for the same content."""
+    """Hash content: equal content has equal keys."""
     digest = hashlib.blake2b(digest_size=16)
     for part in parts:
         if isinstance(part, np.ndarray):

@@ -53,7 +53,7 @@ class Mesh:
 
     @property
     def mapped(self) -> int:
-        """How textures lie on it: see ``kernels.types.Meshes.has_uvs``."""
+        """Return the kind of the mesh's texture coordinates: see ``kernels.types.Meshes.has_uvs``."""
         if self.bare:
             return -1 if self.uvs is None else 2
         return int(self.uvs is not None)
@@ -208,7 +208,7 @@ def _short(nodes: np.ndarray, extent: float) -> np.ndarray:
 
 
 def child_by_child(nodes: np.ndarray) -> np.ndarray:
-    """The same in scenes where meshes move."""
+    """Convert nodes to the layout of scenes with moving meshes."""
     by_bound = nodes.reshape(-1, 7, 4)
     by_child = np.zeros((len(by_bound), 4, 2, 4), np.float32)
     by_child[:, :, 0, :3] = by_bound[:, 0:3].transpose(0, 2, 1)

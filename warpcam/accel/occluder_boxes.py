@@ -1,4 +1,4 @@
-"""Where meshes surely stop light: boxes to keep, and meshes between. See kernels/native/shadow/occluder_boxes.h."""
+"""Occluder boxes of meshes: selection among candidates. See kernels/native/shadow/occluder_boxes.h."""
 
 import itertools
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ CORNERS = np.linalg.inv(NORMALS[TRIPLES])
 
 
 def are_worth(trees: Sequence[np.ndarray]) -> bool:
-    """Whether a scene of these meshes, as their faces in leaf order, is to have shutters."""
+    """Return whether a scene of these meshes, given as their faces in leaf order, gains by occluder boxes."""
     return 0 < len(trees) <= MANY_MESHES and any(len(tree) >= 3 * FEW_FACES for tree in trees)
 
 
@@ -67,7 +67,7 @@ def _wanted(tree: np.ndarray) -> np.ndarray:
 
 
 def _open_faces(tree: np.ndarray) -> np.ndarray:
-    """Which of a tree's faces have an edge that an odd number of faces has, (face,)."""
+    """Return which faces of a tree have an edge that an odd number of faces share, (face,)."""
     corners = tree.reshape(-1, 3, 4)
     given = corners.view(np.int32)[:, 0, 3]  # copies of a face have the same number
     places = np.full(given.max(initial=-1) + 1, -1)
@@ -97,7 +97,7 @@ def _mixed(parts: np.ndarray) -> np.ndarray:
 
 
 def _chosen(rows: np.ndarray, worths: np.ndarray, points: np.ndarray) -> list[int]:
-    """Those that together stop light at most of some points, not at all by what others do already."""
+    """Select boxes that together block light at most of some points, without redundant ones."""
     lengths = np.linalg.norm(rows[:, :, :3], axis=2)
     there = worths > 0.0
     limits = np.ones((len(rows), 3), np.float32)

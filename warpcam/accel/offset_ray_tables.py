@@ -73,7 +73,7 @@ def bounding_spheres(places: np.ndarray, seeing: np.ndarray) -> np.ndarray:
 
 
 def bits_of(rays: np.ndarray, places: np.ndarray, seeing: np.ndarray) -> np.ndarray:
-    """Which of the pixels beside each one it goes on into, as bits: int32 (n, height, width).
+    """Return which neighbours each pixel's surface may continue into, as bits: int32 (n, height, width).
 
     A pixel beside that lies much farther away than the one on the other side, by its direction or by where its ray
     begins, belongs to something else.
@@ -93,7 +93,7 @@ def bits_of(rays: np.ndarray, places: np.ndarray, seeing: np.ndarray) -> np.ndar
 
 
 def both_sides(steps: np.ndarray, axis: int, beyond: float | bool) -> tuple[np.ndarray, np.ndarray]:
-    """Of each pixel along an axis the step before it and that after it; ``beyond`` at the image's edges."""
+    """Return the steps before and after each pixel along an axis; ``beyond`` at the image's edges."""
     shape = list(steps.shape)
     shape[axis] = 1
     edge = np.full(shape, beyond)

@@ -40,7 +40,7 @@ def pack_rays(directions: np.ndarray) -> np.ndarray:
 
 
 def unit(directions: np.ndarray) -> np.ndarray:
-    """The same, of length 1 or 0, float64."""
+    """Normalise directions to length 1, or 0 for zero vectors; float64."""
     wide = directions.astype(np.float64)
     largest = np.abs(wide).max(axis=-1, keepdims=True)
     wide = np.divide(wide, largest, out=np.zeros_like(wide), where=largest > 0.0)
@@ -49,7 +49,7 @@ def unit(directions: np.ndarray) -> np.ndarray:
 
 
 def flattened(directions: np.ndarray) -> np.ndarray:
-    """Where the line from (0, 0, 1) through each unit direction meets the plane z = 0: (..., 2)."""
+    """Return where the line from (0, 0, 1) through each unit direction meets the plane z = 0: (..., 2)."""
     x, y, z = np.moveaxis(directions, -1, 0)
     aside = x * x + y * y
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -94,7 +94,7 @@ def pixel_angle(directions: np.ndarray) -> float:
 
 
 def table_handles(table: int, count: int, floats: int, width: int, height: int, angles: Any) -> np.ndarray:
-    """What stands in View.scale and View.center for each of some tables: float32 (count, 4), bits.
+    """Return the values of View.scale and View.center for each table: float32 (count, 4), bits.
 
     Args:
         table: Address of the first.

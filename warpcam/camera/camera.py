@@ -104,12 +104,12 @@ class Camera:
 
     @property
     def is_own(self) -> bool:
-        """Whether it is a camera of the user's, not one of the scene's."""
+        """True for a camera of the user's own, False for one of the scene's."""
         return self.position is not None or self.rotation is not None or self.parent is not None
 
     @property
     def where(self) -> str:
-        """How error messages begin."""
+        """Prefix of error messages about this camera."""
         return f"Camera({self.name!r})"
 
     def _pixels(self, name: str) -> int:

@@ -16,7 +16,7 @@ class Lens(ABC):
     @property
     @abstractmethod
     def projection(self) -> Projection:
-        """How its rays run."""
+        """Kind of the lens's rays."""
 
     @abstractmethod
     def values(self, width: int, height: int) -> Mapping[str, tuple[Any, ...]]:

@@ -36,7 +36,7 @@ class RayTableLens(Lens):
     @property
     @abstractmethod
     def differs(self) -> bool:
-        """Whether it is given for each world."""
+        """True if the table differs by world."""
 
     @abstractmethod
     def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
@@ -44,7 +44,7 @@ class RayTableLens(Lens):
 
     @property
     def has_origins(self) -> bool:
-        """Whether rays begin elsewhere than at the camera's position."""
+        """True if rays have own origins, apart from the camera's position."""
         return False
 
     def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
@@ -52,7 +52,7 @@ class RayTableLens(Lens):
         return np.zeros((1, height, width, 3))
 
     def bytes(self, width: int, height: int, num_worlds: int) -> int:
-        """What its tables take."""
+        """Return the size of the lens's tables [bytes]."""
         floats = offset_table_floats(width, height) if self.has_origins else table_floats(width, height)
         return 4 * (floats + 4) * (num_worlds if self.differs else 1)
 
@@ -251,7 +251,7 @@ def _straightened(x: np.ndarray, y: np.ndarray, numbers: np.ndarray, focal: floa
 
 
 def _distorted(u: np.ndarray, v: np.ndarray, numbers: np.ndarray) -> tuple[Any, Any]:
-    """Where the ray (u, v, 1), v down, comes to, and how that changes with u and v."""
+    """Distort the ray (u, v, 1), v down; return the result and its derivatives by u and v."""
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = numbers
     r = u * u + v * v
     top, bottom = 1.0 + r * (k1 + r * (k2 + r * k3)), 1.0 + r * (k4 + r * (k5 + r * k6))

@@ -1,4 +1,4 @@
-"""What can be asked of a camera, as data."""
+"""Outputs that a camera can be asked for, as data."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +53,7 @@ OUTPUTS: Mapping[str, Output] = {
 
 
 def smooth_outputs(names: Sequence[str], antialiasing: int) -> list[str]:
-    """Those outputs whose edges are smoothed."""
+    """Return the outputs whose edges are smoothed."""
     return [name for name in names if OUTPUTS[name].lit] if antialiasing > 1 else []
 
 

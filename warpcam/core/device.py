@@ -64,7 +64,7 @@ def ordinals() -> str:
 
 
 def meaning() -> str:
-    """What ``CUDA_VISIBLE_DEVICES`` means here."""
+    """Explain the present value of ``CUDA_VISIBLE_DEVICES``."""
     setting, count = os.environ.get(VISIBLE), wp.get_cuda_device_count()
     if not driver_installed():
         return "there is no CUDA driver"
@@ -115,7 +115,7 @@ def _ordinal(device: Any) -> int | None:
 
 
 def _gpu(entry: str) -> str:
-    """What an entry of the variable names: a number in CUDA's own order, or a UUID of a GPU or of a part of one."""
+    """Explain an entry of the variable: a number in CUDA's own order, or a UUID of a GPU or of a part of one."""
     return f"GPU {entry}" if entry.isdecimal() else entry
 
 

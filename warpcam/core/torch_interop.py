@@ -1,4 +1,4 @@
-"""Where Warp meets torch. Nothing else in the package imports torch, but for the command line."""
+"""Exchange of arrays between Warp and torch. No other module of the package imports torch, except the command line."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ LEGACY = 0
 
 
 def to_torch(array: wp.array) -> torch.Tensor:
-    """The same memory as a tensor; it keeps the memory alive.
+    """Return a tensor that shares the array's memory and keeps it alive.
 
     Whatever torch's default device is, and also within its inference mode, whose tensors cannot be written later.
     """
@@ -29,7 +29,9 @@ def to_torch(array: wp.array) -> torch.Tensor:
 
 
 def as_array(value: Any) -> wp.array | None:
-    """The same memory as a Warp array, if it is one or a tensor; else None. None too for what Warp lacks.
+    """Return a Warp array that shares the memory of a tensor or a Warp array.
+
+    None for anything else, and for dtypes that Warp lacks.
 
     Such as dtypes, devices, and tensors without a dimension.
     """
@@ -55,7 +57,7 @@ def to_tensor(value: Any, device: torch.device) -> torch.Tensor:
 
 
 def copied(tensor: torch.Tensor) -> torch.Tensor:
-    """The same values in memory of their own, one after the other."""
+    """Return a contiguous copy."""
     return tensor.clone(memory_format=torch.contiguous_format)
 
 
@@ -91,12 +93,12 @@ def require_wxyz(value: Any, where: str) -> None:
 
 
 def as_tensor(array: np.ndarray) -> torch.Tensor:
-    """The same memory, on the host."""
+    """Return a tensor on the host that shares the array's memory."""
     return torch.from_numpy(array)
 
 
 def is_capturing(device: wp.Device) -> bool:
-    """Whether work put on the device now becomes part of a graph that somebody records."""
+    """Return whether work that is put on the device now becomes part of a graph that is being captured."""
     if device.is_capturing:
         return True
     if not device.is_cuda:
@@ -163,5 +165,5 @@ def _stream(ordinal: int, handle: int) -> wp.Stream:
 
 
 def device_of(device: wp.Device) -> torch.device:
-    """The same device in torch's words."""
+    """Convert a Warp device to a torch device."""
     return torch.device(wp.device_to_torch(device))

@@ -1,4 +1,4 @@
-"""Which worlds a frame draws."""
+"""Masks of the worlds that a frame draws."""
 
 from collections.abc import Sequence
 from typing import Any

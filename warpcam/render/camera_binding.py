@@ -32,7 +32,9 @@ class NoArrayError(WarpcamError, AttributeError):
 
 
 class CameraArrays:
-    """What of one camera may be written in place, seen at the next render: tensors on the scene's device.
+    """Arrays of one camera that may be written in place: tensors on the scene's device.
+
+    They take effect at the next render.
 
     A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
     ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
@@ -291,7 +293,7 @@ class CameraBinding:
 
 
 def projection_of(camera: Camera, scene: Scene) -> Projection:
-    """How the camera's rays run."""
+    """Return the kind of the camera's rays."""
     if camera.lens is not None:
         return camera.lens.projection
     return scene.camera_kind(scene.camera(camera.name, "Renderer: cameras")).projection

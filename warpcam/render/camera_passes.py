@@ -33,7 +33,7 @@ def check_size(camera: Camera, num_worlds: int) -> None:
 
 @dataclass(frozen=True)
 class Stages:
-    """Those of a group of worlds.
+    """Stages that render one group of worlds.
 
     Attributes:
         visibility: Up to those that find what is seen and what lies in shadows.
@@ -296,6 +296,6 @@ def _written_by_last_stage(camera: Camera, tables: SceneTables) -> set[str]:
 
 
 def _swapped(images: Mapping[str, wp.array]) -> dict[str, wp.array]:
-    """The same as a trace by a table of rays names them: what it has for depth is the distance."""
+    """Rename images for a trace by a ray table, whose depth is the distance along the ray."""
     names = {"depth": "distance", "distance": "depth"}
     return {names.get(name, name): image for name, image in images.items()}

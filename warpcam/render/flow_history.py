@@ -1,4 +1,4 @@
-"""What is kept from frame to frame for ``flow`` and ``flow_valid``, where a camera asks for them."""
+"""State kept from frame to frame for ``flow`` and ``flow_valid``."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -20,12 +20,12 @@ OUTPUTS = ("flow", "flow_valid")
 
 
 def needs_history(camera: Camera) -> bool:
-    """Whether that camera needs to know what was."""
+    """Return whether the camera needs the previous frame."""
     return not set(OUTPUTS).isdisjoint(camera.outputs)
 
 
 class CameraHistory:
-    """What one camera keeps of each world's last frame, and what its trace needs of it.
+    """History of one camera: each world's previous frame, and the arrays that the trace needs for it.
 
     Attributes:
         flow_history: ``FlowHistory``.
@@ -58,7 +58,7 @@ class CameraHistory:
 
 
 class ShapeHistory:
-    """What all cameras share: where shapes and the corners of moving meshes were.
+    """History that all cameras share: previous poses of shapes and vertices of moving meshes.
 
     Attributes:
         frame_state: uint8, (world,): what is known of each world's last frame, see ``kernels/passes/views.py``.

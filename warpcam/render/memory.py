@@ -1,4 +1,4 @@
-"""What a renderer takes of its device's memory, known before any of it is taken."""
+"""Memory that a renderer takes of its device, computed before any of it is allocated."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +53,9 @@ class Memory:
 
 
 def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
-    """What ``Renderer(scene, cameras)`` would allocate on the scene's device [bytes]. Allocates nothing.
+    """Estimate the memory that ``Renderer(scene, cameras)`` would allocate on the scene's device [bytes].
+
+    Allocates nothing.
 
     Beside this a process needs what CUDA takes for itself: a context, the code of the kernels, a graph.
 

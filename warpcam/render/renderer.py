@@ -178,7 +178,10 @@ class Renderer:
         return target.images[output]
 
     def camera(self, camera: str | int) -> CameraArrays:
-        """What of that camera may be written in place, seen at the next render: tensors on the scene's device."""
+        """Return the arrays of that camera that may be written in place: tensors on the scene's device.
+
+        They take effect at the next render.
+        """
         return self._arrays[self._key(camera)]
 
     def set_lens(self, camera: str | int, lens: Lens) -> None:
@@ -283,7 +286,7 @@ class Renderer:
         return recording
 
     def _is_large(self, pixels: int) -> bool:
-        """Whether so many pixels at once are worth more than one launch of a stage."""
+        """Return whether so many pixels at once are worth more than one launch of a stage."""
         return self._device.is_cuda and pixels >= SPLIT_ABOVE_PIXELS
 
     def _pixels(self, phase: Rounds) -> int:
@@ -302,7 +305,7 @@ class Renderer:
         return self._scratch.chains(images, CHAINS) if TRAVERSED.isdisjoint(tables.shape_types) else None
 
     def _fewer(self, phases: list[Rounds], images: LentImages) -> list[Rounds]:
-        """The same phases or, if these are fewer, phases of several turns."""
+        """Return the phases, or phases of several rounds if these are fewer."""
         late = {key: target.written_by_last_stage for key, target in self._passes.items()}
         in_turns = self._scratch.phases_of_rounds(images, late, ROUNDS) if any(late.values()) else phases
         return in_turns if len(in_turns) < len(phases) else phases

@@ -1,4 +1,4 @@
-"""What is written between the stages of a frame and is nobody's image.
+"""Scratch memory: buffers between the stages of a frame that are no user's image.
 
 A camera goes through it with one group of worlds after another, so that a frame takes little more memory than its
 images. All cameras use one block. While all worlds are drawn, images that are not drawn yet lend their memory, too,
@@ -135,7 +135,7 @@ class Scratch:
         self._block = wp.empty((rows, ALIGNMENT), dtype=wp.uint8, device=self._device)
 
     def phases(self, images: LentImages | None) -> Iterator[list[Batch]]:
-        """What is drawn together, phase after phase, as much in each as there is room for.
+        """Yield the groups that are drawn together, phase after phase, as many in each as fit.
 
         Args:
             images: Of all cameras, in the order of drawing, where all worlds are drawn; None where other worlds' images
@@ -155,7 +155,7 @@ class Scratch:
     def phases_of_rounds(
         self, images: LentImages, late: Mapping[str | int, Collection[str]], rounds: int
     ) -> list[Rounds]:
-        """The same in larger phases, each of several turns.
+        """Return larger phases, each of several rounds.
 
         The last stages of a turn must wait for all stages of the turns before, which may have buffers where they write.
 
@@ -167,7 +167,7 @@ class Scratch:
         return list(self._phases(0, self._total, self._whole, images, late, rounds))
 
     def chains(self, images: LentImages, count: int) -> list[list[list[Batch]]] | None:
-        """The same phases in chains that need not wait for each other; None where the block is too small for that.
+        """Return the phases in chains that need not wait for each other; None if the block is too small for that.
 
         Each chain has worlds of its own, lent memory of these alone, and a share of the block.
 
@@ -211,7 +211,7 @@ class Scratch:
         rounds: int = 1,
         in_waves: bool = False,
     ) -> Iterator[Rounds]:
-        """What is drawn together from one place to another, phase after phase, in a block and what is lent."""
+        """Yield the groups from one pixel to another, phase after phase, in a block and in lent images."""
         while first < last:
             fits, too_far = first + 1, last + 1  # the block has room for one world
             while too_far - fits > 1:
@@ -322,12 +322,15 @@ class Scratch:
 
 
 def _cuts(first: int, end: int, rounds: int) -> list[int]:
-    """Where each turn begins, and where the last one ends."""
+    """Return the start of each round, and the end of the last one."""
     return [first + (end - first) * turn // rounds for turn in range(rounds + 1)]
 
 
 def cuts_in_waves(count: int, parts: int, wave: int) -> list[int]:
-    """Where parts of about as many worlds begin, at most so many, each but the last with whole waves; and the end."""
+    """Return the starts of at most ``parts`` parts of about as many worlds, and the end.
+
+    Each part but the last has whole waves.
+    """
     return sorted({min(-(-count * part // (parts * wave)) * wave, count) for part in range(parts + 1)})
 
 

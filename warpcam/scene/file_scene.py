@@ -196,7 +196,7 @@ class DrivenScene(Scene):
         return self._groups[key]
 
     def _ancestors(self) -> list[frozenset[int]]:
-        """Of each frame itself and all above it."""
+        """Return, for each frame, itself and all frames above it."""
         above: list[frozenset[int]] = []
         for index, node in enumerate(self._graph_source.graph.nodes):
             above.append((above[node.parent] if node.parent >= 0 else frozenset()) | {index})

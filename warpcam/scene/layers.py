@@ -1,4 +1,7 @@
-"""What one layer of visibility cannot show: mirrors, transparent shapes, haze. Found when a scene is made."""
+"""Features that need more than one layer of visibility: mirrors, transparent shapes, haze.
+
+They are found when a scene is made.
+"""
 
 import logging
 from collections.abc import Sequence
@@ -25,7 +28,7 @@ Transparency = bool | None | Literal["backs"]
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """What of a scene needs more than one layer.
+    """Parts of a scene that need more than one layer.
 
     Attributes:
         mirrors: ids of the shapes that may reflect, ascending.
@@ -70,7 +73,7 @@ class Layers:
 
 
 def check_tristate(name: str, wanted: Any) -> bool | None:
-    """What the user wants of ``name``: True, False, or None where the scene decides."""
+    """Check a tristate argument ``name``: True, False, or None where the scene decides."""
     if not isinstance(wanted, bool | np.bool_ | None):
         raise WarpcamError(f"{name} must be True, False or None, got {wanted!r}")
     return None if wanted is None else bool(wanted)
@@ -142,18 +145,18 @@ def has_lit(camera: Camera) -> bool:
 
 
 def shows_mirrors(camera: Camera, tables: SceneTables) -> bool:
-    """Whether that camera's images show mirrors; not through a table of rays."""
+    """Return whether the camera's images show mirrors; lenses of ray tables show none."""
     if isinstance(camera.lens, RayTableLens):
         return False
     return tables.layers is not None and tables.layers.has_mirrors and has_lit(camera)
 
 
 def shows_transparent(camera: Camera, tables: SceneTables) -> bool:
-    """Whether that camera's images show transparent shapes."""
+    """Return whether the camera's images show transparent shapes."""
     return tables.layers is not None and tables.layers.has_transparent and has_lit(camera)
 
 
 def world_bytes(camera: Camera, tables: SceneTables) -> int:
-    """What mirrors take for each world, beside images and scratch."""
+    """Return the memory of mirrors for each world, beside images and scratch [bytes]."""
     both = wp.types.type_size_in_bytes(View) + wp.types.type_size_in_bytes(Mirror)
     return both if shows_mirrors(camera, tables) else 0

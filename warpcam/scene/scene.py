@@ -44,7 +44,7 @@ FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel 
 
 
 class Scene:
-    """What can be seen in many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the like."""
+    """Visible contents of many worlds. Made by ``from_mujoco_warp``, ``from_mujoco`` and the other loaders."""
 
     def __init__(self, source: Source):
         parts = source.parts
@@ -110,12 +110,12 @@ class Scene:
 
     @property
     def device(self) -> wp.Device:
-        """Where everything of it lies."""
+        """Device of all the scene's arrays."""
         return self._device
 
     @property
     def num_worlds(self) -> int:
-        """How many worlds it has."""
+        """Number of worlds."""
         return self._parts.num_worlds
 
     @property
@@ -125,7 +125,9 @@ class Scene:
 
     @property
     def objects(self) -> np.ndarray:
-        """What has each id of ``segmentation``, (id + 1, 2) int32: ``objects[image]`` are ``mujoco.Renderer``'s pairs.
+        """Object of each id of ``segmentation``, (id + 1, 2) int32.
+
+        ``objects[image]`` are the pairs of ``mujoco.Renderer``.
 
         The first number is the id that MuJoCo knows it by, the second its ``mjtObj``: a geom, site, tendon, flex or
         skin. The last row, which -1 finds, is (-1, -1). Only scenes of MuJoCo have this.
@@ -136,7 +138,7 @@ class Scene:
 
     @property
     def columns(self) -> np.ndarray:
-        """Which id, as ``segmentation`` has it, each column of shapes has, or -1, (world or 1, column) int32."""
+        """Id, as in ``segmentation``, of each column of shapes, or -1, (world or 1, column) int32."""
         ids = self._parts.shape_ids
         return np.arange(self._counts["shapes"], dtype=np.int32)[None] if ids is None else ids.copy()
 
@@ -145,7 +147,7 @@ class Scene:
         return np.arange(self._counts["shapes"]) if self._parts.objects is None else self.columns[0]
 
     def count_of(self, name: str) -> int | None:
-        """How many things an array of indices that ``vary`` gives counts, None for other arrays."""
+        """Return the number of values that the indices in an array of ``vary`` may take, None for other arrays."""
         images = len(self._parts.textures)
         return {"shape_materials": self._parts.num_materials, "material_texture": images, "skybox": images}.get(name)
 
@@ -169,7 +171,7 @@ class Scene:
 
     @property
     def live_on_device(self) -> bool:
-        """Whether poses are read where the simulator writes them, with no copy from the host."""
+        """True if poses are read where the simulator writes them, with no copy from the host."""
         return self._source.live_on_device
 
     def refresh(self) -> None:
@@ -177,7 +179,10 @@ class Scene:
         self._source.refresh()
 
     def stages(self) -> tuple[Stage, ...]:
-        """What brings the arrays of ``tables`` up to date on the device: the same tuple as long as it does the same."""
+        """Return the stages that update the arrays of ``tables`` on the device.
+
+        It is the same tuple as long as they do the same.
+        """
         stages = self._source.stages(self._meshes)
         return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
 
@@ -268,7 +273,7 @@ class Scene:
         return self._tables
 
     def moving_faces(self) -> np.ndarray:
-        """How many faces, but for backs of others, each of the meshes has that move, (moving,) int64."""
+        """Number of faces, without backs of others, of each moving mesh, (moving,) int64."""
         return np.array([len(self._parts.meshes[index].fronts) for index in self._moving], np.int64)
 
     def moving_columns(self) -> list[int]:

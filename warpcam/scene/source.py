@@ -1,4 +1,4 @@
-"""What a source gives a scene: its parts, its live arrays, and how they are kept up to date."""
+"""Interface between sources and scenes: a scene's parts, its live arrays, and the stages that update them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,7 @@ class SceneCamera:
 
 @dataclass(frozen=True, eq=False)
 class SceneDescription:
-    """What of a scene never changes.
+    """Constant parts of a scene.
 
     Attributes:
         num_worlds: At least 1.
@@ -185,17 +185,20 @@ def live_arrays_of(parts: SceneDescription) -> Mapping[str, LiveArray]:
 
 
 class ColorBlend(Protocol):
-    """What blends colours of shapes in the stages of a source."""
+    """Blending of shapes' colours in the stages of a source."""
 
     def without_blend(self, colors: np.ndarray) -> np.ndarray:
-        """Those of the source, (world*, shape, 4), without that."""
+        """Return the source's colours, (world*, shape, 4), without the blending."""
 
     def blend(self, painted: wp.array) -> tuple[Stage, ...]:
-        """What does it to others, (world, shape), that are written each frame after the source's stages."""
+        """Return the stages that blend other colours, (world, shape).
+
+        These colours are written each frame after the source's stages.
+        """
 
 
 class Source(Protocol):
-    """What reads one simulator."""
+    """Reader of one simulator."""
 
     device: wp.Device
     parts: SceneDescription
@@ -209,10 +212,10 @@ class Source(Protocol):
         """The live arrays by the names in ``LIVE_ARRAYS``, and "headlight", (3,) vec3: as they are now."""
 
     def user_owned(self, field: str) -> bool:
-        """Whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
+        """Return whether nobody but the user writes that array: neither a frame's stages nor a copy from the host."""
 
     def user_name(self, field: str) -> str:
-        """What the user calls an array, for error messages."""
+        """Return the user's name of an array, for error messages."""
 
     def global_ambient(self) -> float:
         """Light that is everywhere."""
@@ -224,10 +227,13 @@ class Source(Protocol):
         """Bring the arrays up to date with a state on the host."""
 
     def kernels(self) -> Sequence[wp.Kernel]:
-        """Of the stages, as far as they are known before there are meshes: they are compiled meanwhile."""
+        """Return the kernels of the stages that are known before meshes are built.
+
+        They are compiled in the background.
+        """
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        """What brings the arrays that ``arrays`` gave last up to date on the device, and those meshes that move.
+        """Return the stages that update the arrays of the last ``arrays()`` and moving meshes on the device.
 
         At the head of each frame. The same tuple as long as it is to do the same. The state that is read may be another
         one from call to call.

@@ -1,4 +1,4 @@
-"""Whether what a source gives a scene can be drawn."""
+"""Validation of what a source gives a scene."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from warpcam.scene.source import LiveArray, SceneDescription
 
 
 def check_num_worlds(num_worlds: Any) -> None:
-    """What a user gives as the number of worlds of a scene of a file."""
+    """Check the number of worlds of a scene of a file."""
     if isinstance(num_worlds, bool) or not isinstance(num_worlds, int | np.integer) or num_worlds < 1:
         raise WarpcamError(f"num_worlds must be a whole number, at least 1, got {num_worlds!r}")
     if num_worlds >= 2**31:
@@ -21,7 +21,7 @@ def check_num_worlds(num_worlds: Any) -> None:
 
 
 def check_unit(meters_per_unit: Any) -> None:
-    """What a user gives as the length of a file's unit, None for the file's own."""
+    """Check the length of a file's unit [m]; None for the file's own."""
     is_number = isinstance(meters_per_unit, int | float | np.number) and not isinstance(meters_per_unit, bool)
     if meters_per_unit is not None and not (is_number and 0.0 < meters_per_unit < np.inf):
         raise WarpcamError(f"meters_per_unit must be a positive number, got {meters_per_unit!r}")

@@ -28,7 +28,7 @@ UNUSED = ("material_color", "material_emission", "material_specular", "material_
 
 
 def override_names(parts: SceneDescription) -> tuple[str, ...]:
-    """What worlds of such a scene may have for themselves."""
+    """Return the names of arrays that worlds of such a scene may override."""
     fields = live_arrays_of(parts)
     shapes = ("shape_colors", "shape_materials") if parts.num_materials else ("shape_colors",)
     counts = {"materials": parts.num_materials, "lights": parts.num_lights}
@@ -83,7 +83,7 @@ class WorldOverrides:
         return {**arrays, **self._arrays} if self._arrays else arrays
 
     def finish(self, source: Source, arrays: Mapping[str, wp.array]) -> Mapping[str, wp.array]:
-        """What the kernels are to read instead of ``arrays``; sets ``stages``, which write it."""
+        """Return the arrays that kernels read instead of ``arrays``; sets ``stages``, which write them."""
         stages, finished = [], dict(arrays)
         for name in INTENSITY_SCALED if "light_intensity" in self._arrays else ():
             intensity = self._arrays["light_intensity"]

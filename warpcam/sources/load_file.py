@@ -1,4 +1,4 @@
-"""Which reader a file is for."""
+"""Reader of a file, chosen by the file's extension."""
 
 from collections.abc import Mapping
 from importlib import import_module

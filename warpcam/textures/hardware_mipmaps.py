@@ -56,7 +56,7 @@ def pack_mips(images: Sequence[TextureImage], textures: Textures, device: wp.Dev
 
 
 def are_halved(texels: npt.NDArray[np.uint32], width: int, height: int) -> bool:
-    """Whether the sides are powers of two and each level is the one before with four texels' means for its own."""
+    """Return whether the sides are powers of two and each level holds the means of four texels of the level before."""
     if width & (width - 1) or height & (height - 1):
         return False
     levels, start = [], 0

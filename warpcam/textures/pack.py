@@ -154,7 +154,7 @@ def halved(image: Bytes) -> Bytes:
 
 
 def _halve_light(image: Bytes) -> Bytes:
-    """The same of sRGB-coded texels, which are decoded for it."""
+    """Halve an image of sRGB-coded texels, which are decoded to average them."""
     coded = image[..., :3] / np.float32(255.0)
     linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
     light = _halve_axis(_halve_axis(linear, 1), 2)

@@ -231,7 +231,7 @@ def _frames_per_second(renderer: Any, frames: int, device: wp.Device) -> float:
 
 
 def _file_names(cameras: Iterable[str | int]) -> list[str]:
-    """What the cameras' pictures are called: no two alike."""
+    """Return a unique file name for each camera's pictures."""
     names: list[str] = []
     for camera in cameras:
         name = plain = re.sub(r"[^\w.-]+", "_", str(camera))

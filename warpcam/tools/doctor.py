@@ -310,7 +310,7 @@ def _why_no_trees() -> str | None:
 
 
 def _names_gpu(entry: str) -> bool:
-    """Of ``CUDA_VISIBLE_DEVICES``, where schedulers may also write that there is none."""
+    """Return whether an entry of ``CUDA_VISIBLE_DEVICES`` names a GPU; schedulers may also write that there is none."""
     return entry.isdigit() or entry.startswith(("GPU-", "MIG-"))
 
 

@@ -33,7 +33,7 @@ COLOR = 3  # of 255, in all but as many pixels where ids agree
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """What a device made of the scene.
+    """Images that a device made of the scene.
 
     Attributes:
         images: By output, (world, height, width, channels).
@@ -69,7 +69,7 @@ def shoot(device: wp.Device) -> RenderedFrame:
 
 
 def fault(images: dict[str, np.ndarray]) -> str | None:
-    """What is wrong with images of the scene, by the shapes' own equations; None if nothing is."""
+    """Check images of the scene against the shapes' own equations; return the fault, or None."""
     depth, ids = images["depth"][..., 0].astype(np.float64), images["segmentation"][..., 0]
     slope = np.tan(np.radians(0.5 * FOVY))
     x = (2.0 * (np.arange(SIZE) + 0.5) / SIZE - 1.0) * slope

@@ -93,7 +93,7 @@ class MeshGeometry:
         return RenderShape(MESH, rotation, np.zeros(3), self._bake(stretch))
 
     def now(self) -> Iterator[tuple[Mesh, np.ndarray]]:
-        """What has been baked, and where its vertices are now, (vertex, 3) float32."""
+        """Yield each baked mesh with the present positions of its vertices, (vertex, 3) float32."""
         for mesh, stretch in self._baked.values():
             yield mesh, np.ascontiguousarray(self.vertices @ stretch.T, np.float32)
 
@@ -180,7 +180,7 @@ NEEDED = {SPHERE: 1, CAPSULE: 1, CYLINDER: 2, CONE: 2, BOX: 3}  # sizes that mus
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Of length 1; z where there is no direction."""
+    """Normalise vectors to length 1; z for vectors without a direction."""
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     usable = np.isfinite(length) & (length > 0.0)
     return np.where(usable, vectors / np.where(usable, length, 1.0), (0.0, 0.0, 1.0))

@@ -76,7 +76,7 @@ def color_of(
 
 
 def opacity(look: Material | None, color: tuple[float, float, float, float] | None) -> float:
-    """Of a whole shape; what a map says is somewhere between."""
+    """Return the opacity of a whole shape; an opacity map gives values between."""
     alpha = color_of(look, color)[3]
     return 0.5 if look is not None and look.opacity_map >= 0 and look.cutoff <= 0.0 and alpha > 0.0 else alpha
 
@@ -89,7 +89,7 @@ def masked(mesh: Mesh, look: Material | None) -> Mesh:
 
 
 def irradiance_at(lamp: LightNode, place: np.ndarray, middle: np.ndarray) -> float:
-    """What a light at ``place`` sends to the middle of a scene, if that faces it; (3,) each [m]."""
+    """Return the light at the middle of a scene from a light at ``place``, if it faces the middle; (3,) each [m]."""
     if not lamp.active:
         return 0.0
     square = float(((place - middle) ** 2).sum()) + lamp.near if lamp.kind == "local" else 1.0

@@ -1,4 +1,4 @@
-"""How opaque a material is: a number, or a map."""
+"""Opacity of a material: a number, or a map."""
 
 import numpy as np
 

@@ -99,7 +99,7 @@ class Material:
 
     @property
     def maps(self) -> tuple[int, ...]:
-        """Beside that of its colour."""
+        """Maps of the material, without the map of its colour."""
         return self.normals, self.packed, self.emission_texture, self.opacity_map
 
 
@@ -203,21 +203,24 @@ class SceneGraph:
         return self.worlds_of(0 if entry.resets else entry.parent) @ entry.local
 
     def seen(self) -> np.ndarray:
-        """Which frames are visible, with all above them, (node,) bool."""
+        """Return which frames are visible, with all frames above them, (node,) bool."""
         visible = np.empty(len(self.nodes), bool)
         for index, node in enumerate(self.nodes):
             visible[index] = node.visible and (node.parent < 0 or visible[node.parent])
         return visible
 
     def moving(self) -> np.ndarray:
-        """Which frames may be elsewhere at other times, (node,) bool."""
+        """Return which frames may move over time, (node,) bool."""
         moving = np.zeros(len(self.nodes), bool)
         for index, node in enumerate(self.nodes):
             moving[index] = node.moves or (node.parent >= 0 and moving[node.parent])
         return moving
 
     def bodies(self) -> list[int]:
-        """Of each frame its body, counted in the order of the frames that are one; the root is."""
+        """Return the body of each frame.
+
+        Bodies are numbered in the order of the frames that are one; the root is one.
+        """
         bodies: list[int] = []
         count = 0
         for index, node in enumerate(self.nodes):
@@ -234,7 +237,10 @@ class SceneGraph:
 
 
 def middle_of(items: Sequence[ShapeInstance], worlds: np.ndarray) -> np.ndarray:
-    """Of where things stand, endless ones aside, (3,) [m]; ``worlds`` are the nodes' frames, (node, 4, 4)."""
+    """Return the mean position of shapes, infinite ones aside, (3,) [m].
+
+    ``worlds`` are the nodes' frames, (node, 4, 4).
+    """
     corners = [np.zeros((0, 3))]
     for item in items:
         matrix = worlds[item.node]

@@ -155,11 +155,17 @@ class SceneGraphSource:
 
     def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
         """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
-        wp.launch(pose_kernels.write_driven_poses, (self.num_worlds, len(nodes)), [poses, columns], [*self._frames], device=self.device)
+        wp.launch(
+            pose_kernels.write_driven_poses,
+            (self.num_worlds, len(nodes)),
+            [poses, columns],
+            [*self._frames],
+            device=self.device,
+        )
         self._follow(self._driven_kinds)
 
     def columns_of(self, nodes: Sequence[int]) -> wp.array:
-        """Where the poses of frames are kept, which are driven from now on."""
+        """Return the columns that hold the poses of frames, which are driven from now on."""
         new = [node for node in nodes if node not in self._driven]
         if new:
             for node in new:
@@ -358,7 +364,7 @@ class SceneGraphSource:
         self._put("sky", materials.sky_rows(lamps, self._gain or 1.0))
 
     def _place_followers(self, worlds: np.ndarray) -> None:
-        """Where each thing stands: in the world, or in the frame of the nearest driven node above it."""
+        """Place each shape: in the world, or in the frame of the nearest driven node above it."""
         graph = self.graph
         driver = np.full(len(graph.nodes), -1, np.int64)
         for index, node in enumerate(graph.nodes):

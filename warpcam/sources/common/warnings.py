@@ -1,4 +1,4 @@
-"""What a user should know about a scene that was read: gathered, and said once for each kind of thing."""
+"""Warnings about a scene that was read: collected, and given once for each kind of problem."""
 
 import logging
 from collections.abc import Callable

@@ -8,7 +8,7 @@ MOST_EMPTY = 8  # times as large as what it holds a table of names may be, but f
 
 
 def columns_of(worlds: np.ndarray, kinds: np.ndarray, num_worlds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which element stands where: a column has one kind.
+    """Assign each element a column; all elements of a column have one kind.
 
     Worlds with the same kinds in the same order, as replicated ones are, have their elements in that order. Otherwise
     there are as many columns of each kind as the world with most of it needs. What is in all worlds (-1) has columns of
@@ -53,7 +53,7 @@ def columns_of(worlds: np.ndarray, kinds: np.ndarray, num_worlds: int) -> tuple[
 
 
 def places_of(worlds: np.ndarray, labels: Sequence[str], num_worlds: int) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Which body stands where: a column has one name.
+    """Assign each body a column; all bodies of a column have one name.
 
     A body's name is its label less the path that all labels of its world begin with, or less as many parts of it in all
     worlds, whichever makes fewer names. Should names tell little, as when each world has its own, bodies stand in their

@@ -1,4 +1,4 @@
-"""What a glTF file asks for that is not drawn: trimesh, which reads it, goes on without a word."""
+"""Features of glTF files that are not drawn: trimesh, which reads the files, ignores them silently."""
 
 import json
 from collections.abc import Iterator, Mapping

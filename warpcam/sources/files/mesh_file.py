@@ -321,7 +321,7 @@ def _factors(value: Any, default: float = 1.0) -> list[float]:
 
 @contextmanager
 def _heard(collector: WarningCollector) -> Iterator[list[str]]:
-    """What trimesh logs as a warning is the user's to know: files that are not found, for example."""
+    """Collect trimesh's logged warnings for the user: files that are not found, for example."""
     texts: list[str] = []
 
     class Ear(logging.Handler):

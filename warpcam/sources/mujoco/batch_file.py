@@ -130,7 +130,7 @@ def rotated(quaternions: np.ndarray, turns: np.ndarray) -> np.ndarray:
 
 
 def free_camera(host: Any | None, lower: np.ndarray, upper: np.ndarray, aspect: float) -> dict[str, Any]:
-    """Where MuJoCo's default free camera would look from, moved back until the box fits: arguments of a Camera.
+    """Return the arguments of a Camera where MuJoCo's default free camera would be, moved back until the box fits.
 
     Args:
         host: the model, for the free camera's angles and field of view; None for what MuJoCo has by itself.

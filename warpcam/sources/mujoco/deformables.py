@@ -9,7 +9,10 @@ from warpcam.kernels.update.skinning import Shell
 
 
 def flex_surface(mjm: mujoco.MjModel, start: mujoco.MjData, flex: int) -> tuple[Mesh, Shell, FaceShading]:
-    """As MuJoCo draws it: sheets on both sides with their rims closed, or the shell of what is solid."""
+    """Build a flex's surface as MuJoCo draws it.
+
+    It is sheets on both sides with their rims closed, or the shell of a solid flex.
+    """
     dim, vertex, count = int(mjm.flex_dim[flex]), int(mjm.flex_vertadr[flex]), int(mjm.flex_vertnum[flex])
     radius = float(mjm.flex_radius[flex])
     first, number = int(mjm.flex_shelldataadr[flex]), int(mjm.flex_shellnum[flex])
@@ -80,7 +83,7 @@ def _mesh(name: str, vertices: np.ndarray, faces: np.ndarray, texture: np.ndarra
 
 
 def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Of each vertex, the mean of its faces', (vertex, 3)."""
+    """Return the normal of each vertex, the mean of its faces' normals, (vertex, 3)."""
 
     def unit(vectors: np.ndarray) -> np.ndarray:
         return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-15)

@@ -127,7 +127,7 @@ class MujocoSource:
             self.device.stream.record_event(self._copied)
 
     def _pairs(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Where to each of MuJoCo's own arrays goes, and the array: they stay where they are in memory."""
+        """Yield each destination with MuJoCo's own array, which stays at its address."""
         for names, owners in ((self._data_names, self._mjds), (self._model_names, (self._mjm,))):
             for field, name in names.items():
                 for staged, owner in zip(self._staged[field], owners, strict=True):

@@ -1,4 +1,4 @@
-"""What of a MuJoCo model needs more than one layer: mirrors, transparent geoms, haze."""
+"""Features of a MuJoCo model that need more than one layer: mirrors, transparent geoms, haze."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What stands in MuJoCo's abstract scene beside its model: shapes whose number changes from frame to frame.
+"""Geoms of MuJoCo's abstract scene beside its model: their number changes from frame to frame.
 
 A scene has room for so many of each kind; what is not used is not seen. Kinds tell apart what a scene must know when it
 is made. They are further columns of the table, after those of ``mujoco_extras``, and each has a material of its own.
@@ -36,7 +36,7 @@ Pair = tuple[int, int]  # id and mjtObj
 
 
 class MjvGeomClass(NamedTuple):
-    """What shapes of a kind have in common.
+    """Properties that shapes of a kind share.
 
     Attributes:
         type: One of the shape types.
@@ -96,12 +96,12 @@ class MjvGeoms:
     lights: np.ndarray | None
 
     def solid(self) -> "MjvGeoms":
-        """What images of depth and of objects show, all of which is solid there."""
+        """Return the geoms for images of depth and of objects, in which all are solid."""
         some = self.some(self.segments >= 0)
         return replace(some, colors=np.concatenate((some.colors[:, :3], np.ones((len(some.types), 1))), axis=1))
 
     def opaque(self) -> "MjvGeoms":
-        """What nothing is seen through."""
+        """Return the opaque geoms."""
         return self.some(self.colors[:, 3] >= OPAQUE_ABOVE)
 
     def some(self, chosen: np.ndarray) -> "MjvGeoms":
@@ -111,7 +111,7 @@ class MjvGeoms:
 
     @property
     def transparent(self) -> bool:
-        """Whether something is seen through."""
+        """True if a geom is transparent."""
         return bool((self.colors[:, 3] < OPAQUE_ABOVE).any())
 
     @cached_property
@@ -128,7 +128,7 @@ class MjvGeoms:
 
 @dataclass(frozen=True)
 class MjvCapacity:
-    """How much a scene has places for.
+    """Capacity of a scene.
 
     Attributes:
         shapes: Of each kind.
@@ -139,7 +139,7 @@ class MjvCapacity:
     lights: int | None = None
 
     def holds(self, decor: MjvGeoms) -> bool:
-        """Whether there is room for these, and the lights are the same ones."""
+        """Return whether these geoms fit, and the lights are the same."""
         shapes = dict(self.shapes)
         enough = all(shapes.get(kind, 0) >= len(numbers) for kind, numbers in decor.kinds.items())
         if self.lights is None or decor.lights is None:

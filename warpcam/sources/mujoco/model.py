@@ -1,4 +1,4 @@
-"""What of a MuJoCo model never changes, and the names of what does."""
+"""Constant parts of a MuJoCo model, and the names of those that change."""
 
 import logging
 import operator
@@ -241,7 +241,7 @@ def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
 
 
 def _flags(textures: Sequence[TextureImage]) -> SceneFlag:
-    """How textures are drawn."""
+    """Return the flags of texture mapping."""
     flat = [texture.pixels for texture in textures if texture.kind == "2d"]
     flags = SceneFlag.TEXTURE_FROM_ABOVE if VERSION < REVISED and flat else SceneFlag(0)
     if any(pixels.shape[-1] == 4 and pixels[..., 3].min() < 255 for pixels in flat):

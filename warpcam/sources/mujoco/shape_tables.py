@@ -52,7 +52,7 @@ TABLE = ("positions", "rotations", "sizes", "assets", "materials", "colors")
 
 
 def names_of(extras: VisualGeoms | None) -> dict[str, str]:
-    """What of the simulator's data is read for these, their names by ours."""
+    """Return the simulator's arrays that visual geoms read, by our names."""
     names: dict[str, str] = {}
     if extras is not None:
         if extras.reads(MARK) or extras.reads(CRANK):
@@ -119,14 +119,17 @@ class VisualGeomArrays:
             table.assign(np.broadcast_to(colors, (table.shape[0], *colors.shape)))
 
     def without_blend(self, colors: np.ndarray) -> np.ndarray:
-        """Those of the table, (world*, column, 4), as they are where no limit holds."""
+        """Return the table's colours, (world*, column, 4), without the change at limits."""
         if self._extras.held is not None:
             columns = self._extras.held.columns
             colors[:, columns] = self._colors[columns]
         return colors
 
     def blend(self, painted: wp.array) -> tuple[Stage, ...]:
-        """What gives painted colours, (world, column), that of limits, each frame after ``stages`` and the painting."""
+        """Return the stages that blend written colours, (world, column), with those of limits.
+
+        They run each frame after ``stages`` and the colours' writers.
+        """
         if self._held is None or self._over is None:
             return ()
         if self._blending is None or self._blending[0] is not painted:
@@ -135,14 +138,17 @@ class VisualGeomArrays:
         return (self._blending[1],)
 
     def kernels(self) -> list[wp.Kernel]:
-        """Of the stages."""
+        """Return the kernels of the stages."""
         kernels = [kernel_of(self._extras.kinds)]
         if self._held is not None:
             kernels.append(write_limit_impedance)
         return [*kernels, offset_vertices, *kernels_of(backs=False)] if self._extras.moved else kernels
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        """What writes the tables and moves meshes: the same tuple until the simulator's arrays are others."""
+        """Return the stages that write the tables and move meshes.
+
+        It is the same tuple until the simulator's arrays change.
+        """
         if self._stages is None:
             self._stages = tuple(self._record(meshes))
         return self._stages

@@ -1,4 +1,4 @@
-"""How the vertices of MuJoCo's skins hang on its bodies."""
+"""Weights that attach the vertices of MuJoCo's skins to its bodies."""
 
 from dataclasses import dataclass
 

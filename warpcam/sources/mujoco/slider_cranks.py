@@ -5,7 +5,7 @@ import numpy as np
 
 
 def count_drives(mjm: mujoco.MjModel) -> int:
-    """How many actuators have an id in ``segmentation``: all of them, where some are slider-cranks."""
+    """Return the number of actuators with an id in ``segmentation``: all of them, if some are slider-cranks."""
     return mjm.nu if len(cranks_of(mjm)) else 0
 
 

@@ -15,7 +15,7 @@ UNLIMITED = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mj
 
 @dataclass(frozen=True, eq=False)
 class LimitedTendons:
-    """What of them never changes, by the entry of each of their columns: see ``kernels.strain.TendonLimits``."""
+    """Constant parameters of limited tendons, by the entry of each of their columns: see ``kernels.strain.Limits``."""
 
     columns: np.ndarray
     paths: np.ndarray
@@ -37,7 +37,10 @@ class LimitedTendons:
 
 
 def find_limited_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> LimitedTendons | None:
-    """Those among the entries of a table, (entry, 4), whose columns they are written to; None if there are none."""
+    """Return the limited tendons among the entries of a table, (entry, 4); None if there are none.
+
+    They are written to the entries' columns.
+    """
     of_tendons = entries[np.isin(entries[:, 0], (SEGMENT, STRING, ARC))]
     limited = (mjm.tendon_limited != 0) & (mjm.tendon_matid < 0)
     limited &= np.array([_moves(mjm, tendon) for tendon in range(mjm.ntendon)], bool)
@@ -60,7 +63,7 @@ def find_limited_tendons(mjm: mujoco.MjModel, entries: np.ndarray) -> LimitedTen
 
 
 def _moves(mjm: mujoco.MjModel, tendon: int) -> bool:
-    """Whether its length may change: nothing holds one between things that stand still to each other."""
+    """Return whether a tendon's length may change: False if it is held between objects that are fixed to each other."""
     wrap = mujoco.mjtWrap
     path = slice(mjm.tendon_adr[tendon], mjm.tendon_adr[tendon] + mjm.tendon_num[tendon])
     kinds, things = mjm.wrap_type[path], mjm.wrap_objid[path]
@@ -70,7 +73,7 @@ def _moves(mjm: mujoco.MjModel, tendon: int) -> bool:
 
 
 def string_length(mjm: mujoco.MjModel, tendon: int) -> float:
-    """How long a tendon is that hangs slack between two sites, as MuJoCo draws it; 0 for one that never does.
+    """Return the length of a slack tendon between two sites, as MuJoCo draws it; 0 for a tendon that is never slack.
 
     It is one that nothing but an upper bound of its length holds: a limit, or a spring that is free below.
     """

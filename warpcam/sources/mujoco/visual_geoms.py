@@ -1,4 +1,4 @@
-"""What MuJoCo draws beside geoms: sites, tendons, flexes, skins and slider-cranks.
+"""MuJoCo's visual geoms beside geoms: sites, tendons, flexes, skins and slider-cranks.
 
 They are further shapes of the scene. Columns count geoms, sites, tendons, flexes, skins, and actuators where some are
 slider-cranks, as the ids of ``segmentation`` do; a tendon, or a flex that is a line, is drawn as several capsules or
@@ -115,12 +115,12 @@ class VisualGeoms:
 
     @property
     def lines(self) -> bool:
-        """Whether sizes are written each frame."""
+        """True if sizes are written each frame."""
         return bool(np.isin(self.entries[:, 0], (SEGMENT, EDGE, STRING, ROD)).any())
 
     @property
     def kinds(self) -> frozenset[int]:
-        """Of entries."""
+        """Kinds of the entries."""
         return frozenset(self.entries[:, 0].tolist())
 
     def reads(self, kind: int) -> bool:
@@ -128,7 +128,7 @@ class VisualGeoms:
 
 
 def colors_of(mjm: mujoco.MjModel, extras: VisualGeoms) -> np.ndarray:
-    """Those that all columns have now, (column, 4) float32; alpha is 0 where it is below, too: nothing is drawn."""
+    """Return the present colours of all columns, (column, 4) float32; alpha 0 draws nothing."""
     drives = np.tile(colors_of_cranks(mjm)[:1], (count_drives(mjm), 1))
     decor = np.zeros((extras.num_decor, 4), np.float32)  # written each frame
     values = (mjm.geom_rgba, mjm.site_rgba, mjm.tendon_rgba, mjm.flex_rgba, mjm.skin_rgba, drives, decor)

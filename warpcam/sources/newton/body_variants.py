@@ -1,4 +1,4 @@
-"""What the shapes of a Newton model are, and what they may become: body variants change a shape's type and source.
+"""Shape types of a Newton model, with those that body variants may change a shape to.
 
 Newton calls variants experimental and has no public list of what a shape may become; where it keeps that otherwise than
 it does now, shapes are drawn as they are when the scene is made, and a warning says so.

@@ -1,4 +1,4 @@
-"""What of a Newton model is soft: cloth and the surfaces of soft bodies as meshes that move, and loose particles."""
+"""Deformables of a Newton model: cloth and the surfaces of soft bodies as moving meshes, and loose particles."""
 
 import logging
 from collections.abc import Sequence
@@ -71,7 +71,7 @@ class Deformables:
 
 
 def read_deformables(model: newton.Model, covered: np.ndarray, choice: NewtonOptions) -> Deformables:
-    """What is simulated and seen.
+    """Read the deformables that are simulated and visible.
 
     Args:
         model: All of it.
@@ -194,7 +194,7 @@ def _alike(labels: np.ndarray, opacities: np.ndarray) -> np.ndarray:
 
 
 def is_closed(faces: np.ndarray) -> bool:
-    """Whether each edge is there once each way round."""
+    """Return whether each edge occurs once in each direction."""
     edges = np.concatenate((faces[:, (0, 1)], faces[:, (1, 2)], faces[:, (2, 0)])).astype(np.int64)
     width = int(faces.max()) + 1
     there, back = edges[:, 0] * width + edges[:, 1], edges[:, 1] * width + edges[:, 0]

@@ -1,4 +1,4 @@
-"""What the shapes of a Newton model are part of, and what a user calls them."""
+"""Groups that the shapes of a Newton model belong to, and the user's labels for them."""
 
 import logging
 from typing import Any
@@ -69,7 +69,7 @@ class LabelIds:
         return ["/".join(key) for key in self._numbers if key not in self._found]
 
     def find(self, path: str) -> int | None:
-        """Of the label that ends last in a path, of those the longest."""
+        """Return the number of the label that ends last in a path; of several, the longest."""
         parts, first = path.strip("/").split("/"), None
         for end in range(len(parts), 0, -1):
             for length in self._lengths:

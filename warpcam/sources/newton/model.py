@@ -1,4 +1,4 @@
-"""What of a Newton model never changes."""
+"""Constant parts of a Newton model."""
 
 import logging
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ CAP_GAP = 1e-3  # how far the base of a height field is below its lowest place, 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the model's shapes and bodies stand in the worlds' tables, and what they look like.
+    """Columns of the model's shapes and bodies in the worlds' tables, and their appearance.
 
     Attributes:
         ids: (world, column) int32, shapes; -1 where a world has none.
@@ -243,7 +243,7 @@ def _mesh(source: newton.Mesh, convex: bool, label: str) -> Mesh:
 
 
 def _with_backs(mesh: Mesh) -> Mesh:
-    """The same, seen from both sides."""
+    """Return the mesh with faces visible from both sides."""
     back = np.array((0, 2, 1))
     faces = np.concatenate((mesh.faces, mesh.faces[:, back]))
     normals = None if mesh.normals is None else np.concatenate((mesh.normals, -mesh.normals[:, back]))

@@ -1,4 +1,4 @@
-"""What of a Newton model is drawn, where a front end lets its users choose."""
+"""Options of front ends that choose which parts of a Newton model are drawn."""
 
 from dataclasses import dataclass
 

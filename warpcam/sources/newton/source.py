@@ -348,7 +348,7 @@ def _tables(layout: Layout, tables: Columns, num_worlds: int, device: wp.Device)
 
 
 def _opacity(model: newton.Model, tables: Columns) -> np.ndarray:
-    """How opaque what is drawn is now, (world, column)."""
+    """Return the present opacity of each drawn shape, (world, column)."""
     opacity = np.ones(tables.ids.shape, np.float32)
     shapes, soft = model.shape_opacity, model.tri_opacity
     if shapes is not None and shapes.shape[0]:
@@ -371,7 +371,7 @@ def _image(pixels: Any, index: int) -> TextureImage:
 
 
 def _flags(choice: NewtonOptions, layout: Layout) -> SceneFlag:
-    """How textures lie where there are no texture coordinates, and which normals are written."""
+    """Return the flags of texture mapping without texture coordinates, and of the normals that are written."""
     flags = SceneFlag.PROJECTED if layout.textures else SceneFlag(0)
     if layout.textures and choice.triplanar:
         flags |= SceneFlag.TRIPLANAR

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def differ(colors: np.ndarray | None, triangles: Sequence[np.ndarray]) -> bool:
-    """Whether the colours of some of these sets of triangles are not all the same."""
+    """Return whether the colours of some of these sets of triangles differ."""
     return colors is not None and any((colors[rows] != colors[rows[0]]).any() for rows in triangles)
 
 

@@ -32,7 +32,8 @@ class VisualMesh(DeformablePart):
         uvs: (face, 3, 2) float32, or None.
         texture: Index among those of all visuals, or -1.
         smooth: Whether it is; else its faces are flat.
-        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``kernels.update.skinning.attach_vertices``.
+        drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``attach_vertices`` of
+            ``kernels.update.skinning``.
     """
 
     hull: Shell = field(kw_only=True)
@@ -84,7 +85,7 @@ def with_visuals(soft: Deformables, visuals: VisualMeshes) -> Deformables:
 
 
 class AttachedVertices:
-    """Where the points of one visual are, in all worlds that have it."""
+    """Present points of one visual, in all worlds that have it."""
 
     def __init__(self, part: VisualMesh, device: wp.Device):
         bonds, weights = (np.stack(rows) for rows in zip(*part.drivers, strict=True))

@@ -58,7 +58,7 @@ def update_gprim(form: Geometry, prim: Usd.Prim, time: Usd.TimeCode) -> None:
 
 
 def _sizes(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, ...]:
-    """As ``kernels/types.py`` has them; three for solids of two different radii."""
+    """Return the sizes as ``kernels/types.py`` defines them; three for solids of two different radii."""
 
     def value(name: str) -> float:
         got = prim.GetAttribute(name).Get(time)

@@ -20,7 +20,10 @@ def is_light(prim: Usd.Prim) -> bool:
 
 
 def pole_of(prim: Usd.Prim) -> np.ndarray:
-    """How a dome lies in its own frame, (3, 3): its pole is y unless it says z, or the stage's up axis."""
+    """Return the orientation of a dome in its own frame, (3, 3).
+
+    Its pole is y unless it says z, or the stage's up axis.
+    """
     pole = prim.GetAttribute("poleAxis")
     pole = pole.Get() if pole else "Y"
     if pole == "scene":

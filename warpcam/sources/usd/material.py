@@ -86,7 +86,10 @@ class MaterialReader:
     def own_color(
         self, bound: BoundMaterial, prim: Usd.Prim, time: Usd.TimeCode
     ) -> tuple[float, float, float, float] | None:
-        """What a prim says of its colour and opacity, linear, with what its material says of the rest; None: all."""
+        """Return a prim's own colour and opacity, linear, with its material's where the prim has none.
+
+        None: all from the material.
+        """
         if not bound.by_color and not bound.by_opacity:
             return None
         red, green, blue, opacity = self._display_color(prim, time)

@@ -1,4 +1,4 @@
-"""What OmniPBR does to its textures and colours, beyond what UsdPreviewSurface has words for.
+"""OmniPBR's textures and colours, as far as they go beyond UsdPreviewSurface.
 
 Names and defaults are those of NVIDIA's OmniPBR.mdl.
 """
@@ -31,7 +31,7 @@ class OmniInputs:
         self._surface, self._collector, self._name = surface, collector, name
 
     def tint(self) -> np.ndarray:
-        """What its colour is multiplied by, (3,) linear."""
+        """Return the factor of the colour, (3,) linear."""
         return self._numbers("diffuse_tint", (1.0, 1.0, 1.0))
 
     def emission(self, values: Mapping[str, Any]) -> Any:

@@ -179,7 +179,7 @@ class PointsAndCurvesReader:
 
 
 class Curve:
-    """How one curve runs between its points."""
+    """Interpolation of one curve between its points."""
 
     def __init__(self, count: int, basis: str, wrap: str):
         self._basis, self._count = BASES.get(basis), count
@@ -208,7 +208,7 @@ class Curve:
         return np.concatenate((found[:, :-1].reshape(-1, values.shape[1]), found[-1, -1:]))
 
     def between(self, values: np.ndarray, step: int) -> np.ndarray:
-        """Likewise of what the ends of its segments have."""
+        """Interpolate values that the ends of the curve's segments have."""
         places = np.arange(self.segments * step + 1) / step
         first = np.floor(places).astype(np.int64)
         share = (places - first)[:, None]

@@ -47,7 +47,7 @@ def surface_of(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Map
 
 
 def value_of(given: UsdShade.Input, collector: WarningCollector) -> tuple[Any, TextureInput | None, str]:
-    """Of an input its constant, or the texture reader it is connected to, or the primvar."""
+    """Resolve an input: to its constant, to the texture reader it is connected to, or to the primvar."""
     for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
         prim = attribute.GetPrim()
         shader = UsdShade.Shader(prim)

@@ -278,7 +278,9 @@ class StageReader:
     def _instance_matrices(
         self, instancer: UsdGeom.PointInstancer, indices: np.ndarray, time: Usd.TimeCode
     ) -> np.ndarray | None:
-        """Of each instance, with its prototype's own, (instance, 4, 4), in the instancer's frame; None if they differ.
+        """Return each instance's matrix, (instance, 4, 4), in the instancer's frame; None if they differ.
+
+        It includes the prototype's own matrix.
 
         USD's own function leaves quaternions of half precision as long as they are, which is a stretch.
         """
@@ -301,7 +303,7 @@ class StageReader:
 
 
 def _rotations(quaternions: np.ndarray) -> np.ndarray:
-    """Of w x y z of any length, (n, 4); those of length 0 do not turn."""
+    """Return rotations of quaternions w x y z of any length, (n, 4); quaternions of length 0 do not rotate."""
     length = np.linalg.norm(quaternions, axis=1, keepdims=True)
     unit = np.where(length > 0.0, quaternions / np.where(length > 0.0, length, 1.0), (1.0, 0.0, 0.0, 0.0))
     w, x, y, z = unit.T

@@ -73,7 +73,7 @@ def identity(reader: TextureInput) -> tuple[Any, ...]:
 
 
 def alike(one: TextureInput, other: TextureInput) -> bool:
-    """Whether two textures lie in the same way."""
+    """Return whether two textures have the same mapping."""
     first, second = (np.eye(2, 3) if turn is None else turn for turn in (one.uv_turn, other.uv_turn))
     return one.uv == other.uv and one.wrap == other.wrap and bool(np.allclose(first, second))
 
@@ -112,7 +112,7 @@ def input_value(shader: UsdShade.Shader, name: str, default: Any) -> Any:
 
 
 def is_numbers(value: Any, count: int) -> bool:
-    """Whether it is so many finite numbers."""
+    """Return whether the value is a sequence of ``count`` finite numbers."""
     try:
         array = np.array(value, np.float64)
     except (TypeError, ValueError):

@@ -52,7 +52,7 @@ class VisualGeomTable:
 
 @wp.struct
 class ShapeTable:
-    """What is written: see Shapes. A field of one row is the same in all worlds."""
+    """Rows of the shape table that the kernel writes: see Shapes. A field of one row is shared by all worlds."""
 
     positions: wp.array2d(dtype=wp.vec3)
     rotations: wp.array2d(dtype=wp.mat33)
@@ -108,7 +108,7 @@ def find_segment(live: VisualGeomTable, world: wp.int32, path: wp.int32, number:
 
 @wp.struct
 class Line:
-    """What a capsule or a cylinder is drawn along, in the world frame [m]; of radius 0 where there is nothing."""
+    """Axis of a capsule or a cylinder in the world frame [m]; radius 0 draws nothing."""
 
     start: wp.vec3
     end: wp.vec3
@@ -195,7 +195,7 @@ def copy_mark(live: VisualGeomTable, out: ShapeTable, world: wp.int32, column: w
 
 @functools.cache
 def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
-    """What writes entries of these kinds."""
+    """Return the kernel that writes entries of these kinds."""
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
     def write_table(live: VisualGeomTable, out: ShapeTable, first: wp.int32):

@@ -1,4 +1,4 @@
-"""How a path lies on what it is wrapped around: an arc on a sphere, a helix on a cylinder."""
+"""Path of a tendon around an object: an arc on a sphere, a helix on a cylinder."""
 
 import warp as wp
 
@@ -67,6 +67,6 @@ def arc_pieces(arc: Arc, slices: wp.int32, most: wp.int32) -> wp.int32:
 
 @wp.func
 def arc_point(arc: Arc, part: wp.float32) -> wp.vec3:
-    """Where it is after a part of its way, from 0 to 1."""
+    """Return the point after a part of the path, from 0 to 1."""
     turned = wp.cos(part * arc.angle) * arc.start + wp.sin(part * arc.angle) * wp.cross(arc.axis, arc.start)
     return arc.center + turned + (arc.height + part * arc.rise) * arc.axis

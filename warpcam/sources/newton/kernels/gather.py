@@ -34,7 +34,7 @@ class FlatShapes:
 
 @wp.struct
 class WorldShapes:
-    """What is written, and which shape goes where."""
+    """Output arrays, and the shape that each column shows."""
 
     ids: wp.array2d(dtype=wp.int32)  # (world, column) the shape, or -1
     faces: wp.array2d(
