@@ -127,4 +127,4 @@ def bind(
     kernel, unit, threads = _kernel(plan.key, target_type), plan.threads, plan.key.threads
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)
+    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads, key=plan.key)

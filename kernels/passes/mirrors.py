@@ -233,5 +233,11 @@ def bind_trace(
     kernel, unit = _kernel(plan.key, target_type), plan.threads
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, mirrored, target]
     return bind_launch(
-        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        arguments,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )

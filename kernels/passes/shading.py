@@ -272,5 +272,11 @@ def bind(
         tables.background,
     ]
     return bind_launch(
-        kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        inputs,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )

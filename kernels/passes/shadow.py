@@ -115,5 +115,11 @@ def bind(
     kernel, unit = _kernel(plan.key, target_type), plan.threads
     arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return bind_launch(
-        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        arguments,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )

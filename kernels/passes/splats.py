@@ -255,4 +255,5 @@ def bind(
         device,
         start=group.worlds.start * unit,
         block_dim=THREADS,
+        key=plan.key,
     )

@@ -182,8 +182,9 @@ def bind_lists(
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    kernel = _kernel(plan_list(tables, projection, outputs, trail is not None))
+    key = plan_list(tables, projection, outputs, trail is not None)
     inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
     inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
     inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]
-    return bind_launch(kernel, LIST_THREADS * -(-tables.num_worlds // each), inputs, device, block_dim=LIST_THREADS)
+    threads = LIST_THREADS * -(-tables.num_worlds // each)
+    return bind_launch(_kernel(key), threads, inputs, device, block_dim=LIST_THREADS, key=key)

@@ -154,7 +154,13 @@ def bind(
     kernel, unit = _kernel(plan.key, target_type), plan.threads
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, target]
     return bind_launch(
-        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        arguments,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )
 
 
