@@ -45,7 +45,7 @@ class SceneTables:
     splat_limits: Any = None
     moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
-    world_overrides: Any = None  # Variety, if worlds have more for themselves than the tables say
+    world_overrides: Any = None  # WorldOverrides, if worlds have more for themselves than the tables say
     headlights: bool = False  # each world has a headlight of its own: see native/shading/world_overrides.h
     casters: Any = None  # as `shapes`, but of those that are drawn the ones that cast shadows; None: all of them do
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"

@@ -13,12 +13,13 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
+from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import ROLE_COLOR
 from warpcam.kernels.update import randomize as kernels
-from warpcam.render.camera_binding import MAX_EXPOSURE, CameraArrays
+from warpcam.render.camera_binding import CameraArrays
 from warpcam.scene.scene import Scene
 
 Of = Literal["value", "offset", "factor", "turn"]

@@ -4,7 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.build.bvh4 import HEADERS, SCRATCH
-from warpcam.kernels.runtime.launch import NATIVE, compiler_flags
+from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
 
 _OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4.py
     extra_cpu_include_dirs=[str(NATIVE)],

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import NATIVE, compiler_flags
+from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
 
 MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
 MAX_LEAF = 12  # faces in a leaf, as kMaxLeaf

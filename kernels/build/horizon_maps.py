@@ -5,7 +5,8 @@ import functools
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import BLOCK_DIM, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import BLOCK_DIM
 from warpcam.kernels.types import Meshes
 
 

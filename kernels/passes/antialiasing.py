@@ -12,8 +12,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.plan.edges import EdgeKey, plan_edges
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
 

@@ -11,7 +11,8 @@ import warp as wp
 
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan.history import is_compact
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, View
 
@@ -108,7 +109,7 @@ def bind_motions(
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
         keep: ``FlowHistory.before`` becomes what is now: so for the last camera.
-        trail: Trail; its motions are written.
+        trail: FlowHistory; its motions are written.
         device: Where all of these lie.
     """
     facts = (

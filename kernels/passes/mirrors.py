@@ -17,7 +17,8 @@ from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.passes.views import is_finite
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.trace import MirrorKey, plan_mirror
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import BOX, HeightFields, Materials, Meshes, Shapes, View
 

@@ -11,8 +11,9 @@ from warpcam.kernels.layers import Haze, LayerTables, Mirror
 from warpcam.kernels.passes.world_overrides import WorldOverrides
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.shading import LAYER_FLAGS, OVERRIDE_FLAGS, ShadingKey, plan_shading
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     Background,

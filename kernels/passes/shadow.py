@@ -7,7 +7,8 @@ import warp as wp
 
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.shadow import ShadowKey, plan_shadow
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HeightFields, Lights, Materials, Meshes, Shapes, View
 

@@ -10,8 +10,9 @@ from warpcam.kernels.flags import SplatFlag
 from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.splats import SplatKey, plan_splats
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, compiler_flags, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, Splats, View
 
@@ -223,7 +224,7 @@ def bind(
         height: Of the image [pixels].
         device: Where all of these lie.
         group: Which worlds are drawn.
-        flow_history: Trail, where flow is wanted.
+        flow_history: FlowHistory, where flow is wanted.
     """
     plan = plan_splats(tables, lens, width, height, tuple(images), device)
     flows = bool(plan.key.flow)

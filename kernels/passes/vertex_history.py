@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import Meshes
 
 wp.set_module_options(compiler_flags())

@@ -15,7 +15,8 @@ from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
 from warpcam.kernels.plan.history import is_compact
 from warpcam.kernels.plan.trace import LANES, ListKey, plan_list
-from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 
@@ -175,14 +176,14 @@ def bind_lists(
         tables: The scene.
         projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
-        trail: Trail, whose motions are composed; None: none are.
+        trail: FlowHistory, whose motions are composed; None: none are.
         outputs: Of the camera.
         device: Where all of these lie.
     """
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    key = plan_list(tables, projection, outputs, trail is not None)
+    key = plan_list(tables, projection, outputs, trail is not None, device)
     inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
     inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
     inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]

@@ -6,7 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import View
 
 wp.set_module_options(compiler_flags())
@@ -44,8 +45,8 @@ CLIP_NONE = 0  # infinity
 CLIP_MAX = 1  # far
 CLIP_ZERO = 2
 
-# What is known of a world's last frame: Trail.known of flow.py. What it showed is kept in the first or the second of
-# two places, and what is shown goes to the other.
+# What is known of a world's last frame: FlowHistory.known of flow.py. What it showed is kept in the first or the second
+# of two places, and what is shown goes to the other.
 SECOND, FIRST = 1, 2
 NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0
 
@@ -87,7 +88,7 @@ class LensParams:
 
 @wp.struct
 class FrameStart:
-    """Changes that a frame makes to a world before it draws it; see ``open_frame``."""
+    """Changes that a frame makes to a world before it draws it; see ``start_frame``."""
 
     everything: wp.int32  # 1: all worlds are drawn, and the mask is made to say so; 0: those that it has
     frame_state: wp.array(dtype=wp.uint8)  # (world,) what is known of their last frames, turned over; or empty
@@ -276,7 +277,7 @@ LAUNCHED = (write_views, BLOCK_DIM)  # in every frame; the others are compiled w
 def make_frame_start(
     everything: bool, clock: wp.array | None, tags: FrameCounters, device: wp.Device, known: wp.array | None = None
 ) -> Any:
-    """The Opening of a stage of ``bind_views``.
+    """The FrameStart of a stage of ``bind_views``.
 
     It clears the faults of the worlds drawn, counts the frame, and notes the ``clock``, (world,) float32 [s], if there
     is one. ``known``, uint8, (world,), says what is known of their last frames, and is turned over.
@@ -309,7 +310,7 @@ def bind_views(
         views: View, (world,); written.
         device: Where all of these lie.
         before: View, (world,); the views that were written last go there. None: nowhere.
-        frame_start: Opening; what the stage does to a world first, as the one that opens the frame; None: it is
+        frame_start: FrameStart; what the stage does to a world first, as the one that opens the frame; None: it is
             another's.
     """
     before = wp.empty(0, dtype=View, device=device) if before is None else before

@@ -15,8 +15,9 @@ from warpcam.kernels.passes.trace_target import (
 )
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.trace import ARRAYS, LABELS, TraceKey, plan_trace
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch, native_module
+from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 
@@ -112,7 +113,7 @@ def bind(
         group: Which worlds are traced; None is all.
         transparent_index: int32, (shape,). With it shapes that are transparent are left out, of those where it is not
             -1; there are no ``images`` then.
-        flow_history: Trail, where flow is wanted.
+        flow_history: FlowHistory, where flow is wanted.
         facts: Of the scene's looks, where albedo is: see shading.py.
         lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py, if they are.
     """

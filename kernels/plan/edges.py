@@ -68,7 +68,7 @@ def plan_edges(
     for name in images:
         flags |= IMAGES[name]
     by_words = device.is_cuda and _by_words(tables, images, width, height)
-    types = launches.scene_types(tables)
+    types = launches.scene_types(tables, device)
     key = EdgeKey(types, LENSES[lens], region, flags, by_words, placed, threads, blocks)
     return PlannedLaunch(key, launches.world_threads(launches.regions_of(width, height, region), device, threads))
 

@@ -6,8 +6,8 @@ from typing import Any, Generic, TypeVar
 
 import warp as wp
 
-from warpcam.kernels.flags import NO_SCENE_FLAGS, TRAVERSED, GeometryFlag, Lens, SceneFlag, geometry_of
-from warpcam.kernels.runtime.launch import cpu_threads
+from warpcam.kernels.flags import APPEARANCE_FLAGS, TRAVERSED, GeometryFlag, Lens, SceneFlag, geometry_of
+from warpcam.kernels.runtime.cpu_pool import cpu_threads
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 
@@ -28,6 +28,17 @@ SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 MAX_LISTED = 256  # shapes that one pass draws
 MANY_LISTED = 1024  # the same on a CPU, which has room for more
 CAPACITIES = (16, 32, 64, 96, 128, 192, 256, 512, MANY_LISTED)  # few sizes, so that scenes share kernels
+# Shape types that CPU kernels have together. With few sets scenes share kernels, and the loop over the shapes of a tile
+# takes one branch for all its lanes.
+CPU_SETS = (
+    GeometryFlag.PLANE
+    | GeometryFlag.SPHERE
+    | GeometryFlag.CAPSULE
+    | GeometryFlag.ELLIPSOID
+    | GeometryFlag.CYLINDER
+    | GeometryFlag.BOX,
+    GeometryFlag.CONE | GeometryFlag.BARREL,
+)
 
 Key = TypeVar("Key")
 
@@ -53,9 +64,24 @@ class SceneTypes:
         return int(self.geometry) | int(self.scene)
 
 
-def scene_types(tables: SceneTables, without: SceneFlag = NO_SCENE_FLAGS) -> SceneTypes:
-    """Return the shapes and features of a scene, without some of the features."""
-    return SceneTypes(geometry_of(tables.shape_types), tables.flags & ~without)
+def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = False) -> SceneTypes:
+    """Return the shapes and features that a kernel is compiled for.
+
+    CUDA kernels have just the types of the scene, as further ones cost registers. CPU kernels have sets of types.
+
+    Args:
+        tables: The scene.
+        device: Device of the kernel.
+        appearance: Whether the kernel shades, and needs the features of textures and normals.
+    """
+    geometry = geometry_of(tables.shape_types)
+    if device.is_cpu:
+        analytic, others = CPU_SETS
+        if geometry & others:
+            geometry |= analytic | others
+        elif geometry & analytic:
+            geometry |= analytic
+    return SceneTypes(geometry, tables.flags if appearance else tables.flags & ~APPEARANCE_FLAGS)
 
 
 def is_analytic(shape_types: Set[int]) -> bool:

@@ -45,7 +45,7 @@ def plan_shadow(
     tables: SceneTables, lens: str, width: int, height: int, device: wp.Device, group: Group
 ) -> PlannedLaunch[ShadowKey]:
     """The kernel of a camera's shadow pass."""
-    types = launches.scene_types(tables)
+    types = launches.scene_types(tables, device)
     scene = types.scene
     if MESH in tables.shape_types:
         scene |= flag_if(SceneFlag.SHADING_BACKS, tables.physical is None or tables.backs_shade)

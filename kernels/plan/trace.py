@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from warpcam.kernels.flags import (
-    APPEARANCE_FLAGS,
     NO_FACTS,
-    NO_SCENE_FLAGS,
     TRAVERSED,
     GeometryFlag,
     Lens,
@@ -141,7 +139,7 @@ def plan_trace(
         outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
     parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
     threads = launches.world_threads(parts, device)
-    types = launches.scene_types(tables, NO_SCENE_FLAGS if painted else APPEARANCE_FLAGS)
+    types = launches.scene_types(tables, device, appearance=painted)
     types = launches.in_order(types, len(group.worlds) * threads, device)
     several = tables.num_drawn > capacity
     known = facts if painted else NO_FACTS
@@ -156,16 +154,16 @@ def plan_mirror(
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
     several = tables.num_drawn > capacity
-    key = MirrorKey(launches.scene_types(tables), LENSES[lens], capacity, several, region, faces)
+    key = MirrorKey(launches.scene_types(tables, device), LENSES[lens], capacity, several, region, faces)
     return PlannedLaunch(key, threads)
 
 
-def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bool) -> ListKey:
+def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bool, device: wp.Device) -> ListKey:
     """The kernel that lists the shapes of a camera; ``flow``: and composes their motions."""
     wanted = flag_if(TraceFlag.NORMAL, "normals" in outputs)
     if flow:
         wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in outputs)
-    types = launches.scene_types(tables, APPEARANCE_FLAGS)
+    types = launches.scene_types(tables, device)
     return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn), wanted)
 
 

@@ -2,82 +2,20 @@
 
 import functools
 import itertools
-import logging
 import math
-import os
-import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.runtime import cpu_pool
+from warpcam.kernels.runtime.compile import load_modules
 from warpcam.kernels.runtime.streams import nonblocking_stream
 
 STREAMS = 4  # chains of stages that really run side by side
-MIN_SECONDS_PER_THREAD = 2e-4  # seconds of work for each thread of a CPU that shares it
 BLOCK_DIM = 128  # threads in a CUDA block of stages that do not say otherwise
-
-NATIVE = Path(__file__).resolve().parents[1] / "native"
-
-
-def compiler_flags() -> dict[str, Any]:
-    """The module option with which all modules are compiled for CPUs.
-
-    Warp raises LLVM's thresholds of inlining. LLVM's own are enough, and modules take half as long to compile. With the
-    same flags, among them folders of headers, for all of them Warp's own headers are precompiled once in a process,
-    which takes longer than most kernels, and a third less without numbers of 16 bits that no kernel of ours has.
-    """
-    flags = getattr(wp.config, "cpu_compiler_flags", None)
-    if not flags:
-        return {}
-    kept = [flag for flag in flags.split() if not flag.startswith("-mllvm=-inline")]
-    return {"cpu_compiler_flags": " ".join([*kept, "-DWP_NO_BFLOAT16="])}
-
-
-# CUDA's compiler keeps what it read up to here, Warp's headers, for the next module that begins with these alone.
-_PRECOMPILED = "#pragma nv_hdrstop\n"
-
-# Functions that are seen in their module alone are inlined where they have but one caller, which makes for faster and
-# larger kernels; with WARPCAM_QUICK the compiler takes less time instead. What Warp writes for derivatives is left out
-# as it is `inline`.
-_ON_CPU = """
-#if defined(WARPCAM_QUICK)
-#include "{0}"
-#else
-namespace {{
-#include "{0}"
-}}
-#endif
-#undef CUDA_CALLABLE
-#define CUDA_CALLABLE inline
-"""
-
-
-def native_options(header: str, threads: int | None = None) -> wp.ModuleBuildOptions:
-    """Build options of a module that calls ``header`` from ``kernels/native``, on CPU and CUDA alike.
-
-    Args:
-        header: Its name.
-        threads: Of a CUDA block, if not as many as core/platform.h says.
-    """
-    lines = "" if threads is None else f"#define WARPCAM_THREADS {threads}\n"
-    return wp.ModuleBuildOptions(
-        extra_cuda_include_dirs=[str(NATIVE)],
-        extra_cpu_include_dirs=[str(NATIVE)],
-        extra_cuda_preamble=f'{_PRECOMPILED}{lines}#include "{header}"',
-        extra_cpu_preamble=_ON_CPU.format((NATIVE / header).as_posix()),
-        extra_build_dependencies=[str(path) for path in sorted(NATIVE.rglob("*.h"))],
-    )
-
-
-def native_module(header: str, threads: int | None = None) -> dict[str, Any]:
-    """Options of a module that calls ``header`` from ``kernels/native``; ``threads`` as above."""
-    return {"extra_build_options": native_options(header, threads), **compiler_flags()}
 
 
 @dataclass(frozen=True)
@@ -131,7 +69,7 @@ class Stage:
 
     def prepare(self) -> None:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
-        count = min(self._dim, 1 if self.device.is_cuda else cpu_chunks())
+        count = min(self._dim, 1 if self.device.is_cuda else cpu_pool.cpu_chunks())
         bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
         self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
         self._whole = self._bound(0, self._dim) if count > 1 else None
@@ -158,13 +96,13 @@ class Stage:
         Others are woken as far as the last launch was long enough for them to be worth it. What they did not begin
         before nothing was left is not waited for.
         """
-        threads = min(cpu_threads(), int(min(self._busy / MIN_SECONDS_PER_THREAD, len(self._parts))))
+        threads = min(cpu_pool.cpu_threads(), int(min(self._busy / cpu_pool.MIN_SECONDS_PER_THREAD, len(self._parts))))
         if threads < 2:
-            self._busy = _drain(deque([whole]))
+            self._busy = cpu_pool.drain(deque([whole]))
             return
         left = deque(self._parts)
-        others = _submit(functools.partial(_drain, left), threads - 1)
-        busy = _drain(left)
+        others = cpu_pool.submit_helpers(functools.partial(cpu_pool.drain, left), threads - 1)
+        busy = cpu_pool.drain(left)
         self._busy = busy + sum(other.result() for other in others if not other.cancel())
 
 
@@ -216,32 +154,6 @@ class FrameGraph:
             stream.wait_event(done)
 
 
-def load_modules(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
-    """Compile and load modules for launches on a device, those for CUDA side by side.
-
-    Not so on a CPU, where the headers are precompiled once for a thread, which takes longer than most kernels.
-
-    Args:
-        wanted: Each with the threads in a CUDA block.
-        device: Where they are launched.
-    """
-    blocks: dict[wp.Module, dict[int, None]] = {}
-    for module, block_dim in wanted:
-        blocks.setdefault(module, {})[block_dim if device.is_cuda else 1] = None
-
-    def loaded(module: wp.Module) -> None:
-        for block_dim in blocks[module]:
-            wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
-
-    if not device.is_cuda or len(blocks) < 2:
-        for module in blocks:
-            loaded(module)
-        return
-    with ThreadPoolExecutor(cpu_threads()) as pool:
-        for _ in pool.map(loaded, blocks):
-            pass
-
-
 def prepare(stages: Sequence[Stage]) -> None:
     """Make stages of one device ready for launches, compiling their kernels together.
 
@@ -258,23 +170,6 @@ def run(stages: Sequence[Stage]) -> None:
     prepare([stage for stage in stages if not stage.is_ready])
     for stage in stages:
         stage.launch()
-
-
-@contextmanager
-def compile_in_background(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.Device) -> Iterator[None]:
-    """Compile kernels for a CUDA device while something else is done.
-
-    Args:
-        kernels: Each with the threads in a block.
-        device: Where they are launched. Nothing is done ahead for a CPU.
-    """
-    if not (kernels and device.is_cuda):
-        yield
-        return
-    with ThreadPoolExecutor(1) as pool:
-        compiled = pool.submit(load_modules, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
-        yield
-        compiled.result()
 
 
 def bind_launch(
@@ -301,55 +196,3 @@ def bind_launch(
     stage = Stage(kernel, dim, inputs, device, start, block_dim)
     stage.key = key
     return stage
-
-
-def cpu_chunks() -> int:
-    """Return the number of parts of a CPU launch: several for each thread, to even out uneven work."""
-    return 4 * cpu_threads() if cpu_threads() > 1 else 1
-
-
-@functools.cache
-def cpu_threads() -> int:
-    """Threads a CPU launch is split over: the cores this process may use, or WARPCAM_CPU_THREADS."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    wanted = os.environ.get("WARPCAM_CPU_THREADS", "")
-    number = parse_positive_int(wanted)
-    if wanted.strip() and number is None:
-        said = "WARPCAM_CPU_THREADS=%r is no whole number above 0; a frame is split over %d threads"
-        logging.getLogger("warpcam").warning(said, wanted, cores)
-    return number or cores
-
-
-def parse_positive_int(text: str) -> int | None:
-    """The number that a text is, whatever spaces are around it; None if it is no such number."""
-    digits = text.strip()
-    return int(digits) or None if digits.isdecimal() else None
-
-
-def _drain(left: deque[wp.Launch]) -> float:
-    """Launch what is left, one part after another; the seconds that it took."""
-    begun = time.perf_counter()
-    while True:
-        try:
-            part = left.popleft()
-        except IndexError:
-            return time.perf_counter() - begun
-        part.launch()
-
-
-def _submit(work: Callable[[], float], threads: int) -> list[Future[float]]:
-    """Have so many threads of the pool do some work."""
-    woken: list[Future[float]] = []
-    with suppress(RuntimeError):  # the interpreter is ending, and a thread that does not keep it from that renders on
-        for _ in range(threads):
-            woken.append(_pool().submit(work))
-    return woken
-
-
-@functools.cache
-def _pool() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cpu_threads(), thread_name_prefix="warpcam")
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pool.cache_clear)  # threads stay behind

@@ -11,7 +11,8 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.plan.launches import THREADS
-from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import Meshes
 
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
@@ -105,7 +106,7 @@ def kernels_of(backs: bool) -> list[wp.Kernel]:
 
 @dataclass(frozen=True)
 class FaceShading:
-    """Shading of the faces of a moving mesh: see ``Moving``."""
+    """Shading of the faces of a moving mesh: see ``DeformingMeshes``."""
 
     offset: float = 0.0
     num_smooth: int = 0

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
 

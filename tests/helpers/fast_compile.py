@@ -50,7 +50,7 @@ def install(ours: bool = False) -> None:
 
 def _together() -> str:
     """Flags that have our headers precompiled, wherever warpcam is installed; Warp takes none with a space in it."""
-    native = sys.modules["warpcam.kernels.runtime.launch"].NATIVE
+    native = sys.modules["warpcam.kernels.runtime.compile"].NATIVE
     return "" if " " in f"{native}{PRECOMPILED}" else f" -I{native} -include {PRECOMPILED}"
 
 

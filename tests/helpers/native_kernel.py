@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import native_module
+from warpcam.kernels.runtime.compile import native_module
 
 
 def native_kernel(header: str) -> Callable[[Callable[..., Any]], wp.Kernel]:

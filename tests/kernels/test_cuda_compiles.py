@@ -18,6 +18,7 @@ import warp as wp
 import warpcam as wc
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan import edges
+from warpcam.kernels.runtime import compile as compilation
 from warpcam.kernels.runtime import launch
 from warpcam.kernels.update import refit
 from warpcam.sources.mujoco import model as mujoco_model
@@ -64,7 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _chooses(frame: Any) -> bool:
     name = frame.f_globals["__name__"]
-    runs = name in (launch.__name__, refit.__name__)  # what is made there is launched at once
+    runs = name in (compilation.__name__, launch.__name__, refit.__name__)  # what is made there is launched at once
     return name.startswith("warpcam.kernels.") and not runs
 
 

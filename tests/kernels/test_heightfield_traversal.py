@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from native_kernel import native_kernel
 
 from warpcam.accel.heightfields import HeightField, pack_height_fields
-from warpcam.kernels.runtime.launch import native_module
+from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.types import HeightFields
 
 RAYS = 400

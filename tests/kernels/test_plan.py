@@ -7,7 +7,16 @@ from typing import Any
 import pytest
 
 from warpcam.kernels import types
-from warpcam.kernels.flags import NO_FACTS, GeometryFlag, ImageFlag, Lens, SceneFlag, ShadingFlag, TraceFlag
+from warpcam.kernels.flags import (
+    NO_FACTS,
+    NO_SCENE_FLAGS,
+    GeometryFlag,
+    ImageFlag,
+    Lens,
+    SceneFlag,
+    ShadingFlag,
+    TraceFlag,
+)
 from warpcam.kernels.plan import edges, frame, shading, shadow, trace
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
@@ -17,7 +26,7 @@ CARD: Any = SimpleNamespace(is_cuda=True, is_cpu=False, sm_count=132)
 ALL = Group.of_all(8192)
 
 
-def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = SceneFlag(0), **other: Any) -> SceneTables:
+def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
     drawn = SimpleNamespace(drawn=SimpleNamespace(shape=(shapes,)))
     tables = SceneTables(
         shapes=drawn, meshes=SimpleNamespace(shutters=None), height_fields=None, materials=None, textures=None,
@@ -53,6 +62,12 @@ def test_a_trace_knows_nothing_of_appearance_unless_it_writes_albedo() -> None:
     facts = ShadingFlag.HAS_MATERIALS
     plain = trace.plan_trace(tables, "pinhole", 64, 64, ("depth",), facts, CARD, ALL).key
     assert plain.facts == NO_FACTS
+
+
+def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
+    assert traced(scene(types.SPHERE), CPU) == traced(scene(types.BOX, types.PLANE), CPU)
+    assert traced(scene(types.SPHERE), CPU) != traced(scene(types.CONE), CPU)
+    assert traced(scene(types.SPHERE), CARD).types.geometry == GeometryFlag.SPHERE
 
 
 def test_outputs_of_a_trace_are_its_flags() -> None:

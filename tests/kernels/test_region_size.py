@@ -15,7 +15,7 @@ import warpcam as wc
 from warpcam.kernels.flags import NO_SCENE_FLAGS, GeometryFlag, SceneFlag
 from warpcam.kernels.plan import launches, trace
 from warpcam.kernels.plan.launches import MANY, SceneTypes, in_order, region_size
-from warpcam.kernels.runtime import launch
+from warpcam.kernels.runtime import cpu_pool
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 
 CARD: Any = SimpleNamespace(is_cuda=True, sm_count=132)
@@ -145,8 +145,8 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
     if device.is_cuda:
         pytest.skip("launches are split on a CPU")
     woken = []
-    wake = launch._submit
-    monkeypatch.setattr(launch, "_submit", lambda work, threads: woken.append(threads) or wake(work, threads))
+    wake = cpu_pool.submit_helpers
+    monkeypatch.setattr(cpu_pool, "submit_helpers", lambda work, threads: woken.append(threads) or wake(work, threads))
     monkeypatch.setattr(launches, "cpu_threads", lambda: 1)  # the same regions
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
@@ -155,7 +155,7 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
     camera = scenes.own_camera(width=40, height=24, outputs=("rgb", "depth"), position=(0.0, 0.0, 3.0), shadows=True)
     seen = []
     for threads in (1, 3):
-        monkeypatch.setattr(launch, "cpu_threads", lambda threads=threads: threads)
+        monkeypatch.setattr(cpu_pool, "cpu_threads", lambda threads=threads: threads)
         seen.append(scenes.on_host(wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]))
         assert set(woken) == ({2} if threads > 1 else set())  # beside the calling one
     for name, image in seen[0].items():
@@ -166,8 +166,8 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
 def test_a_frame_does_not_wait_for_threads_that_do_not_come(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
     if device.is_cuda:
         pytest.skip("launches are split on a CPU")
-    monkeypatch.setattr(launch, "cpu_threads", lambda: 3)
-    monkeypatch.setattr(launch, "MIN_SECONDS_PER_THREAD", 1e-12)
+    monkeypatch.setattr(cpu_pool, "cpu_threads", lambda: 3)
+    monkeypatch.setattr(cpu_pool, "MIN_SECONDS_PER_THREAD", 1e-12)
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
     camera = scenes.own_camera(width=40, height=24, outputs=("depth",), position=(0.0, 0.0, 3.0))
@@ -175,7 +175,7 @@ def test_a_frame_does_not_wait_for_threads_that_do_not_come(device: wp.Device, m
     seen = renderer.render()["eye"]["depth"].clone()
     free = threading.Event()
     with ThreadPoolExecutor(1) as pool:
-        monkeypatch.setattr(launch, "_pool", lambda: pool)
+        monkeypatch.setattr(cpu_pool, "_pool", lambda: pool)
         busy = pool.submit(free.wait, 10.0)
         wp.copy(d.geom_xpos, wp.array(d.geom_xpos.numpy() + np.float32(0.1), dtype=wp.vec3, device=device))
         moved = renderer.render()["eye"]["depth"].clone()
@@ -195,5 +195,5 @@ def test_threads_that_came_before_one_could_not_are_waited_for(monkeypatch: pyte
                 raise RuntimeError("cannot schedule new futures after interpreter shutdown")
             return how(work)
 
-        monkeypatch.setattr(launch, "_pool", lambda: SimpleNamespace(submit=submit))
-        assert [other.result() for other in launch._submit(lambda: 1.0, 3)] == [1.0]
+        monkeypatch.setattr(cpu_pool, "_pool", lambda: SimpleNamespace(submit=submit))
+        assert [other.result() for other in cpu_pool.submit_helpers(lambda: 1.0, 3)] == [1.0]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import warp as wp
 
-from warpcam.kernels.runtime import launch
+from warpcam.kernels.runtime import compile as compilation
 
 ROOT = Path(__file__).resolve().parents[2]
 SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
@@ -43,7 +43,7 @@ def test_all_kernels_are_compiled_with_the_same_flags() -> None:
     values = [value for name in names for value in vars(importlib.import_module(name)).values()]
     kernels = [value for value in values if isinstance(value, wp.Kernel)]
     assert len(kernels) > 30
-    expected = launch.compiler_flags()["cpu_compiler_flags"]
+    expected = compilation.compiler_flags()["cpu_compiler_flags"]
     assert {kernel.key: kernel.module.options["cpu_compiler_flags"] for kernel in kernels} == {
         kernel.key: expected for kernel in kernels
     }

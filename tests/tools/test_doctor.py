@@ -17,7 +17,7 @@ import pytest
 import torch
 import warp as wp
 
-from warpcam.kernels.runtime import launch
+from warpcam.kernels.runtime import cpu_pool
 from warpcam.tools import cli, doctor, self_test
 from warpcam.tools.self_test import shoot
 
@@ -148,7 +148,7 @@ def test_for_programs(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_process_prints_nothing_but_json() -> None:
     """Neither what Warp says when it starts nor warnings get between."""
-    program = ["-c", "import sys; from warpcam import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
+    program = ["-c", "import sys; from warpcam.tools import cli; sys.exit(cli.main(sys.argv[1:]))", "doctor"]
     variables = {**os.environ, "MUJOCO_EGL_DEVICE_ID": "3"}
     quick = [sys.executable, fast_compile.__file__, *program, "--json"]
     done = subprocess.run(quick, env=variables, capture_output=True, text=True, timeout=300)
@@ -271,14 +271,14 @@ def test_how_many_threads_a_cpu_has(
     value: str, threads: int, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """A text that is no such number is told, not passed over."""
-    launch.cpu_threads.cache_clear()
+    cpu_pool.cpu_threads.cache_clear()
     monkeypatch.setenv("WARPCAM_CPU_THREADS", value)
     try:
-        cores = launch.cpu_threads()
+        cores = cpu_pool.cpu_threads()
         (meaning,) = [each.meaning for each in doctor.read_environment() if each.name == "WARPCAM_CPU_THREADS"]
         remarks = [each for each in two_devices(monkeypatch).remarks if "no whole number" in each]
     finally:
-        launch.cpu_threads.cache_clear()
+        cpu_pool.cpu_threads.cache_clear()
     assert cores == (threads or len(os.sched_getaffinity(0)))
     assert meaning == f"a frame on the CPU is split over {cores} threads"
     said = [] if threads else [f"WARPCAM_CPU_THREADS={value!r} is no whole number above 0"]

@@ -14,7 +14,7 @@ import numpy as np
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.build import bvh4 as bvh4_build
-from warpcam.kernels.runtime.launch import cpu_threads
+from warpcam.kernels.runtime.cpu_pool import cpu_threads
 
 MAX_DEPTH = bvh4_build.MAX_DEPTH
 MAX_MAGNITUDE = 1e18  # of a coordinate [m]; beyond it a float32 ray test overflows

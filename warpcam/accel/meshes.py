@@ -11,7 +11,8 @@ from warpcam.accel.lru_cache import LruCache, key_of
 from warpcam.accel.occluder_boxes import FEW_FACES, are_worth, pack_occluder_boxes
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.build import horizon_maps, occluder_boxes
-from warpcam.kernels.runtime.launch import BLOCK_DIM, compile_in_background
+from warpcam.kernels.runtime.compile import compile_in_background
+from warpcam.kernels.runtime.launch import BLOCK_DIM
 from warpcam.kernels.types import Meshes, Textures
 
 MAX_ROWS = 2**31 - 1

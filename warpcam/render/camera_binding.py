@@ -13,6 +13,7 @@ from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens, Projection
 from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core import torch_interop
+from warpcam.core.arrays import MAX_EXPOSURE, per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes import view_shape_lists
 from warpcam.kernels.passes import views as views_stage
@@ -23,7 +24,6 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.render.flow_history import CameraHistory
 from warpcam.scene.scene import Scene
 
-MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
 
 
@@ -317,33 +317,6 @@ def shared_bytes(camera: Camera, num_worlds: int) -> int:
     """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
     table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, RayTableLens) else 0
     return table + 4 * isinstance(camera.background, np.ndarray)
-
-
-def per_world(
-    value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
-) -> np.ndarray:
-    """``value`` for every world: (world, *width) float32.
-
-    Raises:
-        WarpcamError: It is neither (*width) nor (world, *width), or holds something else than finite numbers.
-    """
-    several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
-    allowed = f"{width or 'a number'} or {several}"
-    torch_interop.require_wxyz(value, where)
-    try:
-        raw = np.asarray(torch_interop.to_numpy(value))
-    except (TypeError, ValueError, RuntimeError):
-        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}") from None
-    if raw.dtype.kind not in "iuf":
-        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}")
-    with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
-        numbers = raw.astype(np.float32)
-    if numbers.shape not in (width, (num_worlds, *width)):
-        raise WarpcamError(f"{where} must have shape {allowed}, got {numbers.shape}")
-    unusable = np.isnan(numbers) | (np.isinf(numbers) & (numbers < 0.0 if may_be_infinite else True))
-    if unusable.any():
-        raise WarpcamError(f"{where} must be finite, got {numbers[unusable].flat[0]}")
-    return np.ascontiguousarray(np.broadcast_to(numbers, (num_worlds, *width)))
 
 
 def _worst(numbers: np.ndarray, low: float, high: float) -> float:

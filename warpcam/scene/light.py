@@ -8,9 +8,9 @@ import numpy as np
 import warp as wp
 
 from warpcam.core import torch_interop
+from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import FORM_POINT, LIGHT_DIRECTIONAL, LIGHT_SPOT
-from warpcam.render.camera_binding import per_world
 
 NO_CUTOFF = 180.0  # [degrees]: shines all around
 

@@ -19,7 +19,7 @@ from rich.text import Text
 
 from warpcam.accel.bvh4 import cache_folder
 from warpcam.core import device as device_rule
-from warpcam.kernels.runtime.launch import cpu_threads, parse_positive_int
+from warpcam.kernels.runtime.cpu_pool import cpu_threads, parse_positive_int
 from warpcam.tools import self_test
 
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")

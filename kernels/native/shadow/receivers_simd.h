@@ -1,7 +1,7 @@
 // The points of one tile, and what they cover as a light sees them, on a CPU: eight at once.
 #pragma once
 #include "camera/view_rays_simd.h"
-#include "shadow/shadow_tile.h"
+#include "shadow/shadow_span.h"
 #include "lights/shadow_extent.h"
 
 namespace warpcam {

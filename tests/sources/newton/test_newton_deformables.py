@@ -256,7 +256,7 @@ def test_swapping_states_builds_and_allocates_nothing(device: wp.Device, monkeyp
     from warpcam.kernels.update import refit
 
     count(refit.DeformingTree, "__init__", "trees")
-    count(launch.Stage, "bind", "bound")
+    count(launch.Stage, "prepare", "bound")
     for name in ("empty", "zeros", "full", "clone"):
         count(wp, name, "arrays")
     for _ in range(3):

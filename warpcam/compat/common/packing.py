@@ -4,7 +4,8 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, native_module
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(native_module("output/pack.h"))
 

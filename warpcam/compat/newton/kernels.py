@@ -6,7 +6,7 @@ next by the second. Each pixel's ray is at hand, so that nothing depends on wher
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
 
 wp.set_module_options(compiler_flags())
 

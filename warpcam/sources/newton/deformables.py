@@ -2,53 +2,19 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import newton
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.core.errors import WarpcamError
+from warpcam.sources.newton.deformable_part import DeformablePart
 from warpcam.sources.newton.options import NewtonOptions
-from warpcam.sources.newton.triangle_colors import differ, texel_coordinates
+from warpcam.sources.newton.triangle_colors import differ
 
 MAX_PARTS = 32  # of one world; of more those of one opacity are drawn as one, and if these are more, all
 MAX_PARTICLES = 1024  # in one world
-
-
-@dataclass(frozen=True, eq=False)
-class DeformablePart:
-    """A connected surface, which some worlds have one after another of.
-
-    Attributes:
-        faces: (face, 3) int32, particles counted from the first.
-        vertices: (vertex, 3) float32, where they were in the first of the worlds [m].
-        column: Which of the soft columns it stands in.
-        backs: Whether it is seen from both sides.
-        worlds: Where it is, -1 for all worlds.
-        bases: Its first particle in each of these.
-        triangles: One of its triangles in each, for the colour.
-        all_triangles: (face,) int32, all of them in each.
-        tinted: Whether their colours differ, in some world.
-    """
-
-    faces: np.ndarray
-    vertices: np.ndarray
-    column: int
-    backs: bool
-    worlds: list[int] = field(default_factory=list)
-    bases: list[int] = field(default_factory=list)
-    triangles: list[int] = field(default_factory=list)
-    all_triangles: list[np.ndarray] = field(default_factory=list)
-    tinted: bool = False
-
-    def mesh(self) -> Mesh:
-        faces, both = self.faces, self.backs
-        uvs = texel_coordinates(len(faces)) if self.tinted else None
-        if both:
-            faces = np.concatenate((faces, faces[:, (0, 2, 1)]))
-            uvs = None if uvs is None else np.concatenate((uvs, uvs))
-        return Mesh(f"soft part {self.column}", self.vertices, faces, uvs=uvs, moves=True, two_sided=both)
 
 
 @dataclass(frozen=True, eq=False)

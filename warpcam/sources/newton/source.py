@@ -9,13 +9,13 @@ import numpy as np
 import warp as wp
 
 from warpcam.core import device as device_rule
+from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels import types
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.update.refit import DeformingTree, kernels_of
 from warpcam.kernels.update.skinning import offset_vertices
-from warpcam.render.camera_binding import per_world
 from warpcam.scene.layers import transparent_layers
 from warpcam.scene.light import Light, light_arrays
 from warpcam.scene.scene import Scene

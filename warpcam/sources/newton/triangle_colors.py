@@ -1,37 +1,20 @@
 """Soft surfaces of Newton whose triangles differ in colour: each has a texel of its own in an image of its own."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import ROLE_COLOR, Textures
+from warpcam.sources.newton.deformable_part import DeformablePart, image_size
 from warpcam.sources.newton.kernels.triangle_colors import bind_triangle_colors
 from warpcam.textures.pack import TextureImage
-
-if TYPE_CHECKING:
-    from warpcam.sources.newton.deformables import DeformablePart
 
 
 def differ(colors: np.ndarray | None, triangles: Sequence[np.ndarray]) -> bool:
     """Return whether the colours of some of these sets of triangles differ."""
     return colors is not None and any((colors[rows] != colors[rows[0]]).any() for rows in triangles)
-
-
-def _size(count: int) -> tuple[int, int]:
-    """Width and height of an image of so many texels at least."""
-    width = int(np.ceil(np.sqrt(count)))
-    return width, -(-count // width)
-
-
-def texel_coordinates(count: int) -> np.ndarray:
-    """Texture coordinates, (face, 3, 2) float32: all corners of a face lie in the middle of its texel."""
-    width, height = _size(count)
-    row, column = np.divmod(np.arange(count), width)
-    uvs = np.stack(((column + 0.5) / width, 1.0 - (row + 0.5) / height), axis=1)
-    return np.ascontiguousarray(np.repeat(uvs[:, None], 3, axis=1), np.float32)
 
 
 class TriangleColors:
@@ -44,7 +27,7 @@ class TriangleColors:
         device: Of the scene.
     """
 
-    def __init__(self, parts: Sequence["DeformablePart"], first_texture: int, first_material: int, device: wp.Device):
+    def __init__(self, parts: Sequence[DeformablePart], first_texture: int, first_material: int, device: wp.Device):
         self.parts = [part for part in parts if part.tinted]
         self._triangles = [rows for part in self.parts for rows in part.all_triangles]
         self._texture, self._material, self._device = first_texture, first_material, device
@@ -95,5 +78,5 @@ class TriangleColors:
 
 
 def _blank(count: int) -> TextureImage:
-    width, height = _size(count)
+    width, height = image_size(count)
     return TextureImage("2d", np.full((height, width, 3), 255, np.uint8), blend_light=True)

@@ -14,7 +14,8 @@ from warpcam.accel.meshes import Mesh
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.update.refit import FaceShading
 from warpcam.kernels.update.skinning import Shell, bind_attached_vertices, bind_offset_vertices
-from warpcam.sources.newton.deformables import DeformablePart, Deformables, is_closed
+from warpcam.sources.newton.deformable_part import DeformablePart
+from warpcam.sources.newton.deformables import Deformables, is_closed
 from warpcam.sources.newton.options import NewtonOptions
 from warpcam.textures.pack import TextureImage
 

@@ -9,8 +9,8 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from warpcam.core import device as device_rule
+from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
-from warpcam.render.camera_binding import MAX_EXPOSURE
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.validation import check_num_worlds, check_unit

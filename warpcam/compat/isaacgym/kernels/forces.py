@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
 
 wp.set_module_options(compiler_flags())
 

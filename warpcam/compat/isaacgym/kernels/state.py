@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
 
 wp.set_module_options(compiler_flags())
 

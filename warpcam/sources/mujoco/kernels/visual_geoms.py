@@ -5,7 +5,8 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import SPHERE
 from warpcam.sources.mujoco.kernels.catenary import hanging_point
 from warpcam.sources.mujoco.kernels.wrap_arcs import arc_between, arc_pieces, arc_point

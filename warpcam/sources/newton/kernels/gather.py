@@ -2,7 +2,8 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage, bind_launch, compiler_flags
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import PLANE
 
 wp.set_module_options(compiler_flags())
