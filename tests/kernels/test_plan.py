@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from sphere_scenes import Simulation
 
 from warpcam.kernels import types
 from warpcam.kernels.flags import (
@@ -133,3 +134,12 @@ def test_a_plan_in_words_names_flags() -> None:
     assert plan.keys == (key,)
     for word in ("trace:", "PLANE MESH TWO_SIDED", "PINHOLE", "DEPTH SHAPE", "64x64", "several no"):
         assert word in str(plan)
+
+
+def test_a_renderer_tells_its_plan() -> None:
+    renderer = Simulation("cpu").renderer(("depth",))
+    plans = renderer.plan
+    assert list(plans) == ["top"]
+    (key,) = plans["top"].keys
+    assert isinstance(key, trace.TraceKey)
+    assert TraceFlag.DEPTH in key.outputs
