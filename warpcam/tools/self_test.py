@@ -45,7 +45,7 @@ class RenderedFrame:
     images: dict[str, np.ndarray]
     first: float
     frame: float
-    plan: str = ""
+    plan: str | None = None
 
 
 def shoot(device: wp.Device) -> RenderedFrame:
