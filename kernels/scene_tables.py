@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from warpcam.kernels.flags import NO_SCENE_FLAGS, SceneFlag
 from warpcam.kernels.layers import LayerTables
 
 
@@ -30,6 +31,7 @@ class SceneTables:
     has_materials: bool
     has_textures: bool  # some material can show a texture
     has_skybox: bool
+    flags: SceneFlag = NO_SCENE_FLAGS  # what is compiled for the scene's shapes beside their types
     has_mips: bool = False  # each texture but cubes has a mipmapped one: Textures.mips
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none

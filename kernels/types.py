@@ -20,32 +20,7 @@ MESH = 7
 CONE = 8  # tip at +z
 BARREL = 9  # a cylinder whose side is bent outwards in an arc
 NUM_TYPES = 10
-SCALED = 10  # no type: stands among a scene's types where the sizes of meshes and height fields are scales
 SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
-TWO_SIDED = 12  # no type: stands among a scene's types where faces of some meshes are seen from behind, too
-MASKED = 13  # no type: stands among a scene's types where maps of opacity say which parts of meshes are there
-SHADING_BACKS = 14  # no type: stands among the types of shadows where faces of meshes cast them whichever side is lit
-MOVING = 15  # no type: stands among a scene's types where corners of meshes move: most faces lie in no cache
-GLASS = 16  # no type: stands among the types of shadows where some shapes may be seen through
-# no type: stands among a scene's types where 2-D textures lie as before MuJoCo 3.12: native/shading/texture_mapping.h
-FROM_ABOVE = 17
-# no type: stands among a scene's types where textures do not show on some shapes: native/shading/appearance.h
-BARE = 18
-# No type: stands among the types of launches that draw the middles of all images before the rest:
-# native/camera/shape_setup.h.
-MIDDLE_FIRST = 19
-SHUTTERED = 20  # likewise where meshes have shutters
-# no type: stands among a scene's types where 2-D textures lie as Newton lays them: native/shading/texture_mapping.h
-PROJECTED = 21
-TRIPLANAR = 22  # beside PROJECTED: along all three axes, blended
-SHEER = 23  # no type: stands among a scene's types where textures have an alpha, which counts on what is transparent
-# No type: stands among a scene's types where normals of meshes are written as light takes them, which is as Newton's
-# camera does: native/geometry/surface_interaction.h.
-LIT_NORMALS = 24
-# no type: stands among a scene's types where shapes of MuJoCo's stand in the same place: native/shading/appearance.h
-COINCIDENT = 25
-# What only colours and normals of meshes ask for.
-LOOKS_ALONE = frozenset({FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER, LIT_NORMALS, COINCIDENT})
 
 # Light types.
 LIGHT_SPOT = 0
@@ -85,7 +60,7 @@ class Shapes:
     types: wp.array(dtype=wp.int32)  # (shape,) one of the shape types above
     bodies: wp.array(dtype=wp.int32)  # (shape,) id of the body the shape is fixed to
     # (shape,) the next of those that stand where it does, around to the first, or -1; empty: COINCIDENT is not among
-    # the scene's types
+    # the scene's flags
     coincident: wp.array(dtype=wp.int32)
     ids: wp.array2d(dtype=wp.int32)  # (world, shape) the source's id, -1 where a world has none; empty: as `shape`
     body_ids: wp.array2d(dtype=wp.int32)  # (world, shape) likewise, instead of `bodies`
@@ -93,8 +68,8 @@ class Shapes:
     rotations: wp.array2d(dtype=wp.mat33)  # (world, shape) columns are the shape's axes in the world frame
     # (world*, shape) sphere r; capsule, cylinder and cone (r, half length along z); barrel (r of its ends, half
     # length, r of its arc or 0 for a straight side); ellipsoid and box half extents; plane half widths
-    # in x and y, 0 = infinite; meshes and height fields: scales along their axes if SCALED is among the scene's types,
-    # else not read [m]
+    # in x and y, 0 = infinite; meshes and height fields: scales along their axes if PER_SHAPE_SCALE is among
+    # the scene's flags, else not read [m]
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
@@ -128,14 +103,14 @@ class Meshes:
     corner_start: wp.array(dtype=wp.int32)  # (mesh,) first face in the two arrays below
     normals: wp.array(dtype=wp.vec3)  # (corner,) unit, mesh frame
     uvs: wp.array(dtype=wp.vec2)  # (corner,) texture coordinates, v up; only read where has_uvs
-    # (mesh,) 1 where the mesh has texture coordinates, else 0. If BARE is among the scene's types also 2: it has, and
-    # no texture is `texture_uniform`; and -1: it has none, and shows no texture
+    # (mesh,) 1 where the mesh has texture coordinates, else 0. If TEXTURELESS_SHAPES is among the scene's flags also
+    # 2: it has, and no texture is `texture_uniform`; and -1: it has none, and shows no texture
     has_uvs: wp.array(dtype=wp.int32)
     # (mesh * 128,) boxes that stop light and an outline, see native/shadow/occluder_boxes.h; empty where shadows do not
     # need them
     shutters: wp.array(dtype=wp.vec4)
-    # Only where MASKED is among the scene's types. (mesh,) as int bits first texel, width and height of the map of its
-    # opacity, in red, or zeros; least opacity at which it is there
+    # Only where ALPHA_TESTED is among the scene's flags. (mesh,) as int bits first texel, width and height of the map
+    # of its opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)
     mask_texels: wp.array(dtype=wp.uint32)  # those of Textures
 

@@ -6,39 +6,25 @@ made the image, its edges become smooth.
 """
 
 import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes.visibility import LENSES, THREADS, region_size
-from warpcam.kernels.plan import type_bits
+from warpcam.kernels.plan.edges import EdgeKey, plan_edges
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Meshes, Shapes, View
+from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
 
 # Where samples lie in a pixel, right and down of its centre [pixels]: those of OpenGL's implementations.
 # native/antialiasing/edge_test.h has the same numbers.
 SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
     4: ((-0.125, 0.375), (0.375, 0.125), (-0.375, -0.125), (0.125, -0.375)),
 }
-# The images whose edges can be smooth, with dtype and channels, in the order of their bits in
-# native/antialiasing/edge_resolve.h.
+# The images whose edges can be smooth, with dtype and channels.
 IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
-# Pixels of which a thread block of a GPU smooths the edges, at most, in scenes without meshes and height fields. With
-# them a block has as many as the trace's, or a whole image: the more samples it has, the fewer of its lanes wait for
-# the longest ones.
-REGION = (32, 32)
-# Whole images of scenes with meshes are smoothed where they were lit if there are so many worlds for each
-# multiprocessor: a block for each image fills the device then, even one group's.
-WORTH_PLACE = 40
-SIDE = 64  # of a region that is a whole image [pixels]
-THREADS_IN_PLACE = 160  # of a block of them
-# Blocks that a multiprocessor is to hold: without meshes and height fields, where ids have a byte, and more; with them;
-# and of those in place.
-BLOCKS, MANY_BLOCKS, WALK_BLOCKS, BLOCKS_IN_PLACE = 7, 8, 5, 4
 
 
 @functools.cache
@@ -63,47 +49,12 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     return SmoothTarget
 
 
-def _by_words(tables: SceneTables, images: Collection[str], width: int, height: int) -> bool:
-    """Return whether colours are loaded by words, in scenes that gain by it."""
-    return MESH in tables.shape_types and "hdr" not in images and width * height % 4 == 0 and width >= 3
-
-
-def in_place(tables: SceneTables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
-    """Return whether images are smoothed in place, without a buffer of their colours."""
-    if not device.is_cuda or not _by_words(tables, images, width, height):
-        return False
-    return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
-
-
-def wave(device: wp.Device) -> int:
-    """Return the number of images that a device smooths in place at once: groups of worlds are multiples of it."""
-    return device.sm_count * BLOCKS_IN_PLACE
-
-
-def _block(tables: SceneTables, shape_dtype: Any, placed: bool) -> tuple[int, int]:
-    """Threads of a thread block, and how many blocks a multiprocessor is to hold."""
-    if placed:
-        return THREADS_IN_PLACE, BLOCKS_IN_PLACE
-    if not {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
-        return THREADS, WALK_BLOCKS
-    return THREADS, BLOCKS if shape_dtype is wp.int8 else MANY_BLOCKS
-
-
 @functools.cache
-def _kernel(
-    types: int,
-    lens: int,
-    width: int,
-    height: int,
-    images: int,
-    by_words: bool,
-    placed: bool,
-    block: tuple[int, int],
-    target_type: Any,
-) -> wp.Kernel:
+def _kernel(key: EdgeKey, target_type: Any) -> wp.Kernel:
+    types, lens, (width, height), images = key.types.bits, int(key.lens), key.region, int(key.images)
 
     @wp.func_native(
-        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(by_words)}, {int(placed)}>"
+        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(key.by_words)}, {int(key.in_place)}>"
         "(shapes, meshes, fields, views, target, index);"
     )
     def smooth(
@@ -119,8 +70,8 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=block,
-        module_options=native_module("antialiasing/edge_resolve.h", block[0]),
+        launch_bounds=(key.threads, key.blocks),
+        module_options=native_module("antialiasing/edge_resolve.h", key.threads),
     )
     def smooth_edges(
         shapes: Shapes,
@@ -169,24 +120,12 @@ def bind(
     target.mask, target.width, target.height = mask, width, height
     target.depth, target.shape = depth.flatten(), shape.flatten()
     target.face = face.flatten()
-    wanted = 0
-    for bit, name in enumerate(IMAGES):
+    for name in IMAGES:
         if name in images:
             setattr(target, name, flatten(lit[name]))
             setattr(target, f"smooth_{name}", flatten(images[name]))
-            wanted |= 1 << bit
-    types = type_bits(tables.shape_types, device)
-    region = region_size(tables, group.concurrent_worlds, width, height, device)
-    if device.is_cuda and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types):
-        region = min(region, REGION)
-    placed = in_place(tables, images, width, height, device)
-    if placed:
-        region = (SIDE, SIDE)
-    block = _block(tables, shape.dtype, placed)
-    threads = block[0]
-    unit = -(-width // region[0]) * -(-height // region[1]) * (threads if device.is_cuda else 1)  # threads a world
-    by_words = device.is_cuda and _by_words(tables, images, width, height)
-    kernel = _kernel(types, LENSES[lens], *region, wanted, by_words, placed, block, target_type)
+    plan = plan_edges(tables, lens, width, height, tuple(images), shape.dtype is wp.int8, device, group)
+    kernel, unit, threads = _kernel(plan.key, target_type), plan.threads, plan.key.threads
     arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
     start, count = group.worlds.start, len(group.worlds)
-    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads)
+    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads, key=plan.key)

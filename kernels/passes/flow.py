@@ -9,15 +9,14 @@ from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.flags import SceneFlag
+from warpcam.kernels.plan.history import is_compact
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, SCALED, Shapes, View
+from warpcam.kernels.types import Shapes, View
 
 wp.set_module_options(compiler_flags())
-
-ROWS, MOVING_ROWS = 4, 7  # of a shape in FlowHistory.motions, without and with meshes that move
-MAX_COMPACT_SHAPES = 255  # as many have an id in eight bits, beside none
 
 
 @wp.struct
@@ -113,25 +112,15 @@ def bind_motions(
         trail: FlowHistory; its motions are written.
         device: Where all of these lie.
     """
-    facts = (lens == "pinhole", SCALED in tables.shape_types, is_compact(tables), keep, bool(tables.moving))
+    facts = (
+        lens == "pinhole",
+        SceneFlag.PER_SHAPE_SCALE in tables.flags,
+        is_compact(tables),
+        keep,
+        bool(tables.moving),
+    )
     inputs = [tables.shapes, views, mask, trail, *map(int, facts)]
     return bind_launch(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
-
-
-def is_compact(tables: SceneTables) -> bool:
-    """Return whether the history of a pixel has 16 bits, not 32: if all shapes are convex and few."""
-    convex = tables.splats is None and {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types)
-    return convex and tables.num_shapes <= MAX_COMPACT_SHAPES
-
-
-def history_words(tables: SceneTables, width: int, height: int) -> int:
-    """Numbers of 32 bits in which one image's words are kept: those of strips of eight pixels' width."""
-    return -(-width // 8) * 8 * height // (2 if is_compact(tables) else 1)
-
-
-def motion_rows(tables: SceneTables) -> int:
-    """Rows of FlowHistory.motions a world; at least those of one shape, which are read where nothing is hit."""
-    return (MOVING_ROWS if tables.moving else ROWS) * max(tables.num_shapes, 1)
 
 
 def bind_reset(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:

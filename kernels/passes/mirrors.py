@@ -15,8 +15,8 @@ import warp as wp
 
 from warpcam.kernels.layers import LayerTables, Mirror
 from warpcam.kernels.passes.views import is_finite
-from warpcam.kernels.passes.visibility import LENSES, THREADS, blocks, list_capacity, region_size
-from warpcam.kernels.plan import type_bits
+from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.trace import MirrorKey, plan_mirror
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
@@ -133,10 +133,9 @@ def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernel(
-    types: int, lens: int, capacity: int, several: bool, width: int, height: int, faces: bool, target_type: Any
-) -> wp.Kernel:
-    flag, face = ("true" if several else "false"), ("true" if faces else "false")
+def _kernel(key: MirrorKey, target_type: Any) -> wp.Kernel:
+    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    flag, face = ("true" if key.several else "false"), ("true" if key.faces else "false")
 
     @wp.func_native(
         f"warpcam::draw_mirrored<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {face}>"
@@ -156,7 +155,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, blocks(types, capacity)),
+        launch_bounds=(THREADS, key.blocks),
         module_options=native_module("shading_pass/mirror_visibility.h"),
     )
     def reflection(
@@ -222,7 +221,6 @@ def bind_trace(
     group: Group,
 ) -> Stage:
     """Bind the trace of what one camera sees in mirrors; see ``_target_struct`` for the buffers."""
-    capacity = list_capacity(tables.num_drawn)
     target_type = _target_struct(shape.dtype, wp.int32 if face is None else face.dtype, seen_shape.dtype)
     target = target_type()
     target.mask, target.faults, target.mirrors = mask, faults, mirrors
@@ -232,12 +230,15 @@ def bind_trace(
     if face is not None:
         target.face = face.flatten()
     target.width, target.height = width, height
-    types = type_bits(tables.shape_types, device)
-    region = region_size(tables, group.concurrent_worlds, width, height, device)
-    several = tables.num_drawn > capacity
-    kernel = _kernel(types, LENSES[lens], capacity, several, *region, face is not None, target_type)
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
+    plan = plan_mirror(tables, lens, width, height, face is not None, device, group)
+    kernel, unit = _kernel(plan.key, target_type), plan.threads
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, mirrored, target]
     return bind_launch(
-        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        arguments,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )

@@ -1,23 +1,21 @@
 """From the visibility buffer to images: one kernel per camera writes every output that was asked for."""
 
 import functools
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.layers import Haze, LayerTables, Mirror
-from warpcam.kernels.passes.visibility import LENSES, THREADS, in_order, region_size
-from warpcam.kernels.passes.world_overrides import EXPOSED, WorldOverrides, override_flags
-from warpcam.kernels.plan import type_bits
+from warpcam.kernels.passes.world_overrides import WorldOverrides
+from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.shading import LAYER_FLAGS, OVERRIDE_FLAGS, ShadingKey, plan_shading
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
-    HEIGHT_FIELD,
-    MESH,
-    PLANE,
     Background,
     HeightFields,
     Lights,
@@ -29,8 +27,7 @@ from warpcam.kernels.types import (
     View,
 )
 
-# The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels), in
-# the order of their bits in native/shading/appearance.h.
+# The outputs made here, with the dtype and the number of channels of their arrays (world, height, width, channels).
 OUTPUTS: Mapping[str, tuple[type, int]] = {
     "rgb": (wp.uint8, 3),
     "rgba": (wp.uint8, 4),
@@ -38,23 +35,6 @@ OUTPUTS: Mapping[str, tuple[type, int]] = {
     "normals": (wp.float32, 3),
     "albedo": (wp.uint8, 3),
 }
-
-TRANSPARENT_BLOCKS = 4  # blocks that a multiprocessor is to hold where some shapes may be transparent
-PHYSICAL, HAS_MAPS = 1 << 12, 1 << 13  # the same
-QUADS, WHOLE_REGIONS = 1 << 4, 1 << 5  # of an image's size, there; they change nothing on a CPU
-SPARE, STRIPS = 1 << 6, 1 << 7  # of a scene, there: see is_spare, has_strips
-MAX_KEPT = 256  # shapes whose looks a block can keep
-MAX_SPARE = 64  # shapes of a scene without meshes that leave room for SPARE
-MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
-# lights of a scene whose floors are drawn by strips with their shadows: FEW in native/shading/plane_vertex_lighting.h
-MAX_CASTING = 3
-MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
-# facts of native/shading/appearance.h
-MIRRORED, REFLECTS, VEILED, HAZY, NOTED = 1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 14
-HAS_MIPS = 1 << 24  # there
-# native/shading_pass/store_quads.h
-IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))
-LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
 
 
 @functools.cache
@@ -138,18 +118,18 @@ class ShadedImages:
 
 
 @functools.cache
-def _kernel(
-    types: int, lens: int, capacity: int, width: int, height: int, images: int, facts: int, frame_type: Any, veils: int
-) -> wp.Kernel:
-    more = f", {veils}" if veils else ""
+def _kernel(key: ShadingKey, frame_type: Any) -> wp.Kernel:
+    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    written, facts = int(key.images), int(key.facts)
+    more = f", {key.transparent}" if key.transparent else ""
     lights_type: Any = Lights
     scene = "warpcam::Scene { frame, images, shapes, meshes, fields, materials, textures, background }"
-    if facts & PHYSICAL:
+    if key.facts & ShadingFlag.PHYSICAL:
         lights_type = Physical
         scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
 
     @wp.func_native(
-        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {images}, {facts}{more}>"
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {written}, {facts}{more}>"
         f"({scene}, lights, index);"
     )
     def resolve(
@@ -169,7 +149,7 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, TRANSPARENT_BLOCKS if veils else _blocks(images, facts)),
+        launch_bounds=(THREADS, key.blocks),
         module_options=native_module("shading_pass/shading_pass.h"),
     )
     def write_images(
@@ -235,15 +215,22 @@ def bind(
     unknown = sorted(set(outputs) - set(OUTPUTS))
     if unknown:
         raise ValueError(f"outputs: {unknown} are not made here; these are: {sorted(OUTPUTS)}")
-    more, veils = 0, 0
-    if layers is not None and not set(LIT).isdisjoint(outputs):
-        more = (MIRRORED if mirrored else REFLECTS) if mirrors is not None else 0
-        if layers.has_transparent:
-            more |= VEILED | (NOTED if noted else 0)
-            veils = _room(layers.transparent_shapes.size, 8, device)
-        if layers.haze is not None and tables.has_skybox and not mirrored:
-            more |= HAZY
-    varied = override_flags(tables.world_overrides, tables.headlights)
+    group = group or Group.of_all(tables.num_worlds)
+    plan = plan_shading(
+        tables,
+        lens,
+        width,
+        height,
+        outputs,
+        shadow is not None,
+        layers,
+        device,
+        group,
+        mirrors=mirrors is not None,
+        mirrored=mirrored,
+        write_back=noted,
+    )
+    more, varied = plan.key.facts & LAYER_FLAGS, plan.key.facts & OVERRIDE_FLAGS
     if varied and tables.world_overrides is not None:
         frame_type = overridden_frame_struct(shape.dtype, face.dtype)
     else:
@@ -268,33 +255,12 @@ def bind(
     frame.horizon = tables.horizon
     frame.plane = tables.first_plane
     images = ShadedImages()
-    wanted = 0
-    for bit, (name, (dtype, _)) in enumerate(OUTPUTS.items()):
+    for name, (dtype, _) in OUTPUTS.items():
         if name in outputs:
             setattr(images, name, flatten(outputs[name]))
-            wanted |= 1 << bit
         else:
             setattr(images, name, wp.empty(0, dtype=dtype, device=device))
-    group = group or Group.of_all(tables.num_worlds)
-    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
-    types = type_bits(tables.shape_types, device, appearance=True)
-    facts = facts_of_looks(tables, shadow is not None) | more | varied
-    if device.is_cuda:
-        whole = width % region[0] == 0 and height % region[1] == 0
-        facts |= QUADS * (width % 4 == 0) | WHOLE_REGIONS * whole
-        plain = (
-            frozenset(outputs) in IN_QUADS
-            and lens == "pinhole"
-            and tables.physical is None
-            and not (more or varied & EXPOSED)
-        )
-        by_corners = shadow is None or tables.num_lights <= MAX_CASTING
-        strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
-        in_strips = strips and plain and by_corners
-        facts |= STRIPS * in_strips | HAS_MIPS * (in_strips and tables.has_mips)
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
-    types = in_order(types, len(group.worlds) * unit, device)
-    kernel = _kernel(types, LENSES[lens], _capacity(tables, device), *region, wanted, facts, frame_type, veils)
+    kernel, unit = _kernel(plan.key, frame_type), plan.threads
     inputs = [
         frame,
         images,
@@ -307,46 +273,11 @@ def bind(
         tables.background,
     ]
     return bind_launch(
-        kernel, len(group.worlds) * unit, inputs, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        inputs,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )
-
-
-def _blocks(images: int, facts: int) -> int:
-    """Blocks that a multiprocessor is to hold, for a set of images and facts: bounds the registers of a thread."""
-    lit, albedo = images & 0b00111, images & 0b10000
-    return (6 if facts & SPARE and facts & STRIPS else 5) if lit else 7 if albedo else 8
-
-
-def is_spare(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Return whether textures are looked up in mip atlases and planes shaded apart: see native/shading/appearance.h."""
-    return PLANE in shape_types and {MESH, HEIGHT_FIELD}.isdisjoint(shape_types) and num_drawn <= MAX_SPARE
-
-
-def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
-    """Return whether planes may be shaded by strips, from mip atlases of their textures.
-
-    See native/shading_pass/plane_strips.h.
-    """
-    return PLANE in shape_types and num_drawn <= MAX_STRIPS
-
-
-def _capacity(tables: SceneTables, device: wp.Device) -> int:
-    """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
-    if tables.num_drawn > MAX_KEPT:
-        return MAX_SEEN if tables.num_drawn <= MAX_SEEN else 0
-    return _room(tables.num_drawn, 16, device)
-
-
-def _room(count: int, step: int, device: wp.Device) -> int:
-    """Room for so many, a multiple of a step, so that scenes share kernels; on a CPU, whose room is large, of 32."""
-    if device.is_cpu and count > 2 * step:
-        step = 32
-    return -(-count // step) * step
-
-
-def facts_of_looks(tables: SceneTables, shadows: bool = False) -> int:
-    """Bits of native/shading/appearance.h."""
-    facts = (tables.has_materials, tables.has_textures, tables.has_skybox, shadows)
-    spare = SPARE * is_spare(tables.shape_types, tables.num_drawn)
-    physical = PHYSICAL * (tables.physical is not None) + HAS_MAPS * (tables.has_maps and tables.has_textures)
-    return sum(1 << bit for bit, fact in enumerate(facts) if fact) + spare + physical

@@ -5,37 +5,12 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes.visibility import LENSES, SHARED_MEMORY, THREADS, in_order, region_size
-from warpcam.kernels.plan import type_bits
+from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.shadow import ShadowKey, plan_shadow
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import (
-    GLASS,
-    MESH,
-    SHADING_BACKS,
-    SHUTTERED,
-    HeightFields,
-    Lights,
-    Materials,
-    Meshes,
-    Shapes,
-    View,
-)
-
-BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
-MANY_CASTERS_BLOCKS = 6  # the same in crowds, for which those of 8 are too few
-LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes: shadow/casters.h, CasterList
-BESIDE = 16  # up to so many shapes there are two lists: shadow/shadow_pass.h, lists_beside
-CASTER_BOUNDS_BYTES = 16  # more where meshes have outlines: shadow/casters.h, CasterList::OUTLINED
-REST_BYTES = 3400  # what else a block has, and what is reserved for it
-# and for the rays of a warp, also for each 32 shapes: shadow/mesh_any_hit.h, ShadowRays
-WALKED_BYTES, WORD_BYTES = 3232, 256
-WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
-CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
-MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
-MANY = 384  # shapes; more are such a crowd
-MOST = 2**20  # shapes that can be told apart there
+from warpcam.kernels.types import HeightFields, Lights, Materials, Meshes, Shapes, View
 
 
 @functools.cache
@@ -58,11 +33,11 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernel(
-    crowded: bool, types: int, lens: int, capacity: int, width: int, height: int, target_type: Any
-) -> wp.Kernel:
+def _kernel(key: ShadowKey, target_type: Any) -> wp.Kernel:
+    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+
     @wp.func_native(
-        f"warpcam::{'cast_crowd' if crowded else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
+        f"warpcam::{'cast_crowd' if key.many_casters else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
     )
     def cast(
@@ -80,8 +55,8 @@ def _kernel(
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, MANY_CASTERS_BLOCKS if crowded else blocks(types, capacity)),
-        module_options=native_module("shadow/many_casters.h" if crowded else "shadow/shadow_pass.h"),
+        launch_bounds=(THREADS, key.blocks),
+        module_options=native_module("shadow/many_casters.h" if key.many_casters else "shadow/shadow_pass.h"),
     )
     def shadow(
         shapes: Shapes,
@@ -135,39 +110,17 @@ def bind(
     target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
     if face is not None:
         target.face = face.flatten()
-    types = type_bits(tables.shape_types, device)
-    if MESH in tables.shape_types:
-        types |= (1 << SHADING_BACKS) * (tables.physical is None or tables.backs_shade)
-        types |= (1 << SHUTTERED) * (tables.physical is None and has_occluder_boxes(tables))
-    if tables.layers is not None and tables.layers.has_transparent:
-        types |= 1 << GLASS
     shapes = tables.shapes if tables.casters is None else tables.casters
-    num_casters = shapes.drawn.shape[0]
-    crowded = MANY < num_casters <= MOST and MESH not in tables.shape_types
-    capacities = MANY_CASTERS_CAPACITIES if crowded else CAPACITIES
-    capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     group = group or Group.of_all(views.shape[0])
-    region = region_size(tables, group.concurrent_worlds, width, height, device)
-    unit = -(-width // region[0]) * -(-height // region[1]) * (THREADS if device.is_cuda else 1)  # threads a world
-    types = in_order(types, len(group.worlds) * unit, device)
-    kernel = _kernel(crowded, types, LENSES[lens], capacity, *region, target_type)
+    plan = plan_shadow(tables, lens, width, height, device, group)
+    kernel, unit = _kernel(plan.key, target_type), plan.threads
     arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
     return bind_launch(
-        kernel, len(group.worlds) * unit, arguments, device, start=group.worlds.start * unit, block_dim=THREADS
+        kernel,
+        len(group.worlds) * unit,
+        arguments,
+        device,
+        start=group.worlds.start * unit,
+        block_dim=THREADS,
+        key=plan.key,
     )
-
-
-def has_occluder_boxes(tables: SceneTables) -> bool:
-    """Return whether the scene's meshes have occluder boxes: pack_meshes of accel/meshes.py."""
-    return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
-
-
-def blocks(types: int, capacity: int) -> int:
-    """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
-    if not types >> MESH & 1:
-        return BLOCKS
-    walked = WALKED_BYTES + WORD_BYTES * -(-capacity // 32) + (WALK_BYTES if capacity <= WALK_SHAPES else 0)
-    rays = THREADS // 32 * walked
-    listed = (LISTED_BYTES + (CASTER_BOUNDS_BYTES if types >> SHUTTERED & 1 else 0)) * capacity
-    listed *= 2 if capacity <= BESIDE else 1
-    return min(BLOCKS, SHARED_MEMORY // (listed + rays + REST_BYTES))

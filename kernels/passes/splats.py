@@ -6,8 +6,10 @@ from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.flags import SplatFlag
 from warpcam.kernels.passes.flow import FlowHistory
-from warpcam.kernels.passes.visibility import FLOW, FLOW_MOVES, FLOW_VALID, LENSES, THREADS
+from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.splats import SplatKey, plan_splats
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
@@ -16,8 +18,7 @@ from warpcam.kernels.types import Shapes, Splats, View
 
 wp.set_module_options(compiler_flags())
 
-# The images that clouds change, in the order of their bits in native/splats/gaussian_blend.h, and the dtypes of their
-# arrays.
+# The images that clouds change, and the dtypes of their arrays.
 OUTPUTS: Mapping[str, type] = {
     "rgb": wp.uint8,
     "rgba": wp.uint8,
@@ -32,11 +33,6 @@ OUTPUTS: Mapping[str, type] = {
     "instances": wp.int32,
     "semantics": wp.int32,
 }
-BY_WORLD, LINEAR, EXPOSED, SOLID = (1 << len(OUTPUTS) << bit for bit in range(4))  # native/splats/gaussian_blend.h
-LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
-REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
-BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
-CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
 
 
 @wp.struct
@@ -132,9 +128,9 @@ def _solid_frame_struct(shape_dtype: Any) -> Any:
 
 
 @functools.cache
-def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel:
+def _kernel(key: SplatKey, frame_type: Any) -> wp.Kernel:
     @wp.func_native(
-        f"warpcam::draw_splats<{lens}, {capacity}, {wanted}>"
+        f"warpcam::draw_splats<{int(key.lens)}, {key.capacity}, {key.wanted}>"
         "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
     )
     def draw(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, index: int): ...
@@ -143,7 +139,7 @@ def _kernel(lens: int, capacity: int, wanted: int, frame_type: Any) -> wp.Kernel
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(THREADS, BLOCKS),
+        launch_bounds=(THREADS, key.blocks),
         module_options=native_module("splats/gaussian_blend.h"),
     )
     def blend_splats(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, first: wp.int32):
@@ -230,13 +226,9 @@ def bind(
         group: Which worlds are drawn.
         flow_history: FlowHistory, where flow is wanted.
     """
-    flows = FLOW * ("flow" in images) + FLOW_VALID * ("flow_valid" in images)
-    exposed = (
-        tables.world_overrides is not None
-        and tables.world_overrides.exposures.size > 0
-        and not set(LIT).isdisjoint(images)
-    )
-    solid = tables.splat_limits is not None
+    plan = plan_splats(tables, lens, width, height, tuple(images), device)
+    flows = bool(plan.key.flow)
+    exposed, solid = bool(plan.key.images & SplatFlag.EXPOSED), bool(plan.key.images & SplatFlag.SOLID)
     make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
     frame_type = (_solid_frame_struct if solid else make)(shape.dtype)
     frame = frame_type()
@@ -246,24 +238,17 @@ def bind(
         frame.limits = tables.splat_limits
     if flows:
         frame.trail = flow_history
-        flows |= FLOW_MOVES * bool(tables.moving)
     frame.views, frame.mask = views, mask
     frame.depth, frame.shape = depth.flatten(), shape.flatten()
     frame.width, frame.height = width, height
     changed = SplatImages()
-    wanted = flows | (BY_WORLD if tables.ids_by_world else 0) | (EXPOSED if exposed else 0) | (SOLID if solid else 0)
-    if tables.physical is not None and "hdr" in images:
-        wanted |= LINEAR
-    for bit, (name, dtype) in enumerate(OUTPUTS.items()):
+    for name, dtype in OUTPUTS.items():
         if name in images:
             setattr(changed, name, flatten(images[name]))
-            wanted |= 1 << bit
         else:
             setattr(changed, name, wp.empty(0, dtype=dtype, device=device))
     changed.instance_of, changed.semantic_of = tables.labels["instances"], tables.labels["semantics"]
-    capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
-    kernel = _kernel(LENSES[lens], capacity, wanted, frame_type)
-    unit = -(-width // REGION) * -(-height // REGION) * (THREADS if device.is_cuda else 1)  # threads a world
+    kernel, unit = _kernel(plan.key, frame_type), plan.threads
     return bind_launch(
         kernel,
         len(group.worlds) * unit,
@@ -271,4 +256,5 @@ def bind(
         device,
         start=group.worlds.start * unit,
         block_dim=THREADS,
+        key=plan.key,
     )

@@ -11,29 +11,21 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.passes import visibility
-from warpcam.kernels.passes.flow import FlowHistory, is_compact
+from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
-from warpcam.kernels.passes.visibility import FLOW, FLOW_VALID, LENSES, NORMAL, TABLES, list_capacity
-from warpcam.kernels.plan import type_bits
+from warpcam.kernels.plan.history import is_compact
+from warpcam.kernels.plan.trace import LANES, ListKey, plan_list
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, HeightFields, Materials, Meshes, Shapes, View
+from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 
-# Outputs that such a trace writes, and those that are lit from what it sees; the others need what it does not list.
-TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
-OUTPUTS = frozenset((*TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
-HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
-LANES = 32
-# pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
-MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
 LIST_THREADS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
-BLOCKS, FLOW_BLOCKS = 7, 5  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
 
 
 @functools.cache
-def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
+def _kernel(key: ListKey) -> wp.Kernel:
+    types, lens, capacity, wanted = key.types.bits, int(key.lens), key.capacity, int(key.outputs)
     function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
 
     @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);")
@@ -76,7 +68,7 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
         module="unique",
         enable_backward=False,
         grid_stride=False,
-        launch_bounds=(LIST_THREADS, FLOW_BLOCKS if wanted & (FLOW | FLOW_VALID) else BLOCKS),
+        launch_bounds=(LIST_THREADS, key.blocks),
         module_options=native_module("traversal/view_shape_list.h"),
     )
     def write_views_and_lists(
@@ -163,29 +155,6 @@ def _kernel(types: int, lens: int, capacity: int, wanted: int) -> wp.Kernel:
     return write_views_and_lists
 
 
-def capacity_of(
-    tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
-) -> int:
-    """Return the capacity of the camera's shape lists; 0 for no lists."""
-    few = 0 < tables.num_drawn <= LANES
-    plain = {MESH, HEIGHT_FIELD}.isdisjoint(tables.shape_types) and not tables.ids_by_world
-    alike = visibility.composes(tables, device)  # what the stage composes is what a block would
-    if not (alike and few and plain and projection not in TABLES and OUTPUTS.issuperset(outputs)):
-        return 0
-    region = visibility.region_size(tables, tables.num_worlds, width, height, device)
-    rows = region == visibility.REGIONS[0] and "flow_valid" not in outputs
-    rows &= width % 16 == 0 and height % 8 == 0 and width <= MOST_COLUMNS and height <= MOST_ROWS
-    return list_capacity(tables.num_drawn) if rows or region == (width, height) else 0
-
-
-def rows_of(capacity: int, outputs: Collection[str]) -> int:
-    """Rows of four words that the list of a world has."""
-    if capacity == 0:
-        return 0
-    head = HEAD_ROWS + (FACING_ROWS + capacity) * ("normals" in outputs)
-    return head + head % 2 + RECORD_ROWS * capacity
-
-
 def bind_lists(
     frame_start: Any,
     pose: Any,
@@ -214,11 +183,9 @@ def bind_lists(
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    types = type_bits(tables.shape_types, device)
-    wanted = 0 if trail is None else FLOW | FLOW_VALID * ("flow_valid" in outputs)
-    wanted |= NORMAL * ("normals" in outputs)
-    kernel = _kernel(types, LENSES[projection], list_capacity(tables.num_drawn), wanted)
+    key = plan_list(tables, projection, outputs, trail is not None, device)
     inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
     inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
     inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]
-    return bind_launch(kernel, LIST_THREADS * -(-tables.num_worlds // each), inputs, device, block_dim=LIST_THREADS)
+    threads = LIST_THREADS * -(-tables.num_worlds // each)
+    return bind_launch(_kernel(key), threads, inputs, device, block_dim=LIST_THREADS, key=key)

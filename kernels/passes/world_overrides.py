@@ -9,9 +9,6 @@ from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
 
-# Facts of native/shading/appearance.h and native/shading/world_overrides.h.
-OFFSETS, BACKGROUNDS, HEADLIGHTS, EXPOSED = 1 << 20, 1 << 21, 1 << 22, 1 << 23
-
 
 @wp.struct
 class WorldOverrides:
@@ -22,14 +19,6 @@ class WorldOverrides:
     skyboxes: wp.array(dtype=wp.int32)  # (world*,) index of a cube texture, or -1
     exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
     gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
-
-
-def override_flags(overrides: Any, headlights: bool) -> int:
-    """Bits of what is varied."""
-    if overrides is None:
-        return HEADLIGHTS if headlights else 0
-    facts = (overrides.texture_offsets.size > 0, overrides.skyboxes.size > 0, headlights, overrides.exposures.size > 0)
-    return sum(bit for bit, fact in zip((OFFSETS, BACKGROUNDS, HEADLIGHTS, EXPOSED), facts, strict=True) if fact)
 
 
 def empty_overrides(device: wp.Device) -> WorldOverrides:

@@ -46,10 +46,12 @@ class Stage:
         independent: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not
             need.
         for_shading_only: Of a scene's stages those that write what colours and normals alone need.
+        key: That of kernels/plan, which the kernel was compiled for; None for kernels without variants.
     """
 
     independent = False
     for_shading_only = False
+    key: Any = None
 
     def __init__(
         self, kernel: wp.Kernel, dim: int, inputs: Sequence[Any], device: wp.Device, start: int, block_dim: int
@@ -178,6 +180,7 @@ def bind_launch(
     *,
     start: int = 0,
     block_dim: int = BLOCK_DIM,
+    key: Any = None,
 ) -> Stage:
     """A 1-D kernel with its arguments.
 
@@ -188,5 +191,8 @@ def bind_launch(
         device: Where the arguments lie.
         start: The index of the first thread; ``start + dim`` is below 2^31.
         block_dim: Threads in a CUDA block.
+        key: That of kernels/plan, which the kernel was compiled for.
     """
-    return Stage(kernel, dim, inputs, device, start, block_dim)
+    stage = Stage(kernel, dim, inputs, device, start, block_dim)
+    stage.key = key
+    return stage

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.passes.visibility import THREADS
+from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import Meshes

@@ -8,7 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import antialiasing
+from warpcam.kernels.plan import edges
 
 
 def crowd(across: int) -> tuple[str, str]:
@@ -45,7 +45,7 @@ def test_images_smoothed_in_place_are_the_same(
     settings = {"position": (0.0, 0.0, 2.0), "outputs": outputs, "width": size, "height": size}
     images, scratch = [], []
     for worlds in (10**9, 0):  # that there must be for each multiprocessor
-        monkeypatch.setattr(antialiasing, "WORTH_PLACE", worlds)
+        monkeypatch.setattr(edges, "WORTH_PLACE", worlds)
         renderer = wc.Renderer(scene, [scenes.own_camera(**settings, antialiasing=4)])
         for _ in range(2):
             renderer.render()
@@ -80,7 +80,7 @@ def test_colours_loaded_by_words_are_those_loaded_one_by_one(
     images = []
     for by_words in (True, False):
         if not by_words:
-            monkeypatch.setattr(antialiasing, "_by_words", lambda *_: False)
+            monkeypatch.setattr(edges, "_by_words", lambda *_: False)
         renderer = wc.Renderer(scene, [scenes.own_camera(**settings, antialiasing=4)])
         renderer.render()
         images.append({name: renderer.array("eye", name).numpy().copy() for name in outputs})

@@ -12,7 +12,7 @@ from allocation_ledger import Ledger
 from flow_cases import HEIGHT, LENSES, WIDTH, Moving, expected, pixels_of
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
+from warpcam.kernels.plan import trace
 
 EXACT = 1e-3  # pixels
 
@@ -319,7 +319,7 @@ def test_a_gpu_looks_at_floors_as_a_whole(
 ) -> None:
     if not device.is_cuda:
         pytest.skip("a CPU looks at each pixel")
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (64, 64))
     every = ("flow", "flow_valid", "depth", "segmentation")
     found = floors_seen(tilt, size, every if one is None else (one, "segmentation"))
     with wp.ScopedDevice("cpu"):

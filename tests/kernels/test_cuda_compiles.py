@@ -16,10 +16,10 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import antialiasing
+from warpcam.kernels.flags import SceneFlag
+from warpcam.kernels.plan import edges
 from warpcam.kernels.runtime import compile as compilation
 from warpcam.kernels.runtime import launch
-from warpcam.kernels.types import FROM_ABOVE
 from warpcam.kernels.update import refit
 from warpcam.sources.mujoco import model as mujoco_model
 
@@ -113,7 +113,7 @@ def test_textures_that_lie_from_above(
     assert _compile(card, tmp_path) >= 2
     code = " ".join(path.read_text() for path in tmp_path.glob("*visibility*/*.cu"))
     types = re.findall(r"draw_painted<(\d+)", code)
-    assert types and all(int(each) >> FROM_ABOVE & 1 for each in types)
+    assert types and all(int(each) & SceneFlag.TEXTURE_FROM_ABOVE for each in types)
 
 
 @pytest.mark.parametrize("output", ["normals", "points"])
@@ -145,10 +145,10 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], folder
 def test_of_meshes_smoothed_in_place(
     outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(antialiasing, "WORTH_PLACE", 1)
+    monkeypatch.setattr(edges, "WORTH_PLACE", 1)
     more = shapes * '<geom type="mesh" mesh="wedge" material="body" pos="0 0 1"/>'  # of many ids have more than a byte
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, antialiasing=4)
-    assert antialiasing.THREADS_IN_PLACE in {stage.block_dim for stage in card}
+    assert edges.THREADS_IN_PLACE in {stage.block_dim for stage in card}
     assert _compile(card, folder) >= 3
 
 

@@ -9,6 +9,7 @@ from native_kernel import native_kernel
 
 from warpcam.kernels import types
 from warpcam.kernels.passes import shading
+from warpcam.kernels.plan.shading import MAX_KEPT
 from warpcam.kernels.scene_tables import SceneTables
 
 DEVICES = [str(device) for device in wp.get_devices()]
@@ -237,9 +238,7 @@ def ball_tables(device, worlds, count):
 
 @pytest.mark.parametrize("device", DEVICES)
 @pytest.mark.parametrize("lens", ["pinhole", "orthographic"])
-@pytest.mark.parametrize(
-    ("width", "height", "count"), [(8, 6, 2), (20, 10, 2), (22, 9, 2), (24, 17, shading.MAX_KEPT + 1)]
-)
+@pytest.mark.parametrize(("width", "height", "count"), [(8, 6, 2), (20, 10, 2), (22, 9, 2), (24, 17, MAX_KEPT + 1)])
 def test_images_of_a_ball(lens, width, height, count, device):
     """Two of three worlds are drawn; of all that is written the closed form is known."""
     worlds = 3

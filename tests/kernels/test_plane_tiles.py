@@ -7,7 +7,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
+from warpcam.kernels.plan import trace
 
 SHAPES = """
   <body name="ball"><freejoint/><geom type="sphere" size=".2" pos="-.5 .3 .2"/></body>
@@ -63,9 +63,9 @@ def test_rows_of_floors_are_as_pixels_of_them(
 ) -> None:
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (64, 64))
     found = frames(floor, size, ("depth", "segmentation", *more))
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (16, 8))
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (16, 8))
     expected = frames(floor, size, ("depth", "segmentation", *more))
     assert np.unique(expected[0]["segmentation"]).tolist() == [-1, 0, 1, 2, 3] + [4] * (floor == "two")
     for mine, theirs in zip(found, expected, strict=True):

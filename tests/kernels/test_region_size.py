@@ -12,10 +12,11 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
-from warpcam.kernels.passes.visibility import MANY, in_order, region_size
+from warpcam.kernels.flags import NO_SCENE_FLAGS, GeometryFlag, SceneFlag
+from warpcam.kernels.plan import launches, trace
+from warpcam.kernels.plan.launches import MANY, SceneTypes, in_order, region_size
 from warpcam.kernels.runtime import cpu_pool
-from warpcam.kernels.types import HEIGHT_FIELD, MESH, MIDDLE_FIRST, SPHERE
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 
 CARD: Any = SimpleNamespace(is_cuda=True, sm_count=132)
 
@@ -48,7 +49,7 @@ def test_regions_leave_enough_blocks(
 
 @pytest.mark.parametrize(("cores", "expected"), [(1, (64, 64)), (2, (64, 32)), (8, (32, 16))])
 def test_a_cpu_draws_a_region_a_core(cores: int, expected: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(visibility, "cpu_threads", lambda: cores)
+    monkeypatch.setattr(launches, "cpu_threads", lambda: cores)
     assert region_size(tables(MESH, shapes=MANY + 1), 1, 64, 64, SimpleNamespace(is_cuda=False)) == expected
 
 
@@ -91,7 +92,7 @@ def test_images_do_not_depend_on_the_regions(
     for region in ((16, 8), (32, 32), (64, 64)):  # a warp draws one tile at once, and two
         mjm = scenes.compile_xml(SHAPES)
         m, d = scenes.put(mjm, 2)
-        monkeypatch.setattr(visibility, "region_size", lambda *_, region=region: region)
+        monkeypatch.setattr(trace, "region_size", lambda *_, region=region: region)
         renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera])
         renderer.render()
         scenes.write(d.geom_xpos, (1, slice(1, 4)), d.geom_xpos.numpy()[1, 1:4] + np.float32(0.05))
@@ -117,7 +118,9 @@ def test_images_do_not_depend_on_the_regions(
 def test_the_middle_of_images_comes_first_in_launches_of_one_row(
     shape_type: int, threads: int, card: Any, first: bool
 ) -> None:
-    assert in_order(1 << shape_type, threads, card) == 1 << shape_type | first << MIDDLE_FIRST
+    types = SceneTypes(GeometryFlag(1 << shape_type), NO_SCENE_FLAGS)
+    expected = SceneFlag.MIDDLE_FIRST if first else NO_SCENE_FLAGS
+    assert in_order(types, threads, card) == SceneTypes(types.geometry, expected)
 
 
 def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
@@ -130,7 +133,7 @@ def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
         assets='<hfield name="hills" nrow="2" ncol="2" elevation="0 1 1 0" size="1 1 .2 .1"/>',
     )
     m, d = scenes.put(mjm, worlds)
-    monkeypatch.setattr(visibility, "region_size", lambda *_: (16, 8))  # nine of them: 135,000 blocks
+    monkeypatch.setattr(trace, "region_size", lambda *_: (16, 8))  # nine of them: 135,000 blocks
     camera = scenes.own_camera(width=48, height=24, outputs=("depth", "segmentation"), position=(0.0, 0.0, 3.0))
     images = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]
     assert len(images["segmentation"][0].unique()) == 3
@@ -144,7 +147,7 @@ def test_images_do_not_depend_on_the_threads(device: wp.Device, monkeypatch: pyt
     woken = []
     wake = cpu_pool.submit_helpers
     monkeypatch.setattr(cpu_pool, "submit_helpers", lambda work, threads: woken.append(threads) or wake(work, threads))
-    monkeypatch.setattr(visibility, "cpu_threads", lambda: 1)  # the same regions
+    monkeypatch.setattr(launches, "cpu_threads", lambda: 1)  # the same regions
     mjm = scenes.compile_xml(SHAPES)
     m, d = scenes.put(mjm, 7)
     for world in range(7):

@@ -9,7 +9,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import view_shape_lists, visibility
+from warpcam.kernels.plan import trace
 from warpcam.kernels.scene_tables import SceneTables
 
 SHAPES = """
@@ -94,9 +94,9 @@ def test_listed_ahead_or_by_the_blocks(
 ) -> None:
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (64, 64))
     found = frames(floor, lens, outputs, opens)
-    monkeypatch.setattr(view_shape_lists, "capacity_of", lambda *_: 0)
+    monkeypatch.setattr(trace, "capacity_of", lambda *_: 0)
     expected = frames(floor, lens, outputs, opens)
     assert np.flatnonzero(expected[3]["faulty"]).tolist() == [BROKEN]
     assert expected[4]["frames"].tolist() == [4 + (world in CHOSEN) for world in range(WORLDS)]
@@ -122,9 +122,9 @@ def test_small_images_of_listed_shapes(
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
     lens = wc.Pinhole(fovy=60.0)
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: size)
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: size)
     found = frames("0 0 1", lens, outputs, True, size)
-    monkeypatch.setattr(view_shape_lists, "capacity_of", lambda *_: 0)
+    monkeypatch.setattr(trace, "capacity_of", lambda *_: 0)
     for mine, theirs in zip(found, frames("0 0 1", lens, outputs, True, size), strict=True):
         for name in outputs:
             np.testing.assert_allclose(mine[name], theirs[name], atol=1e-4, rtol=1e-5)
@@ -139,9 +139,9 @@ def test_large_images_of_listed_shapes(
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
     lens = wc.Pinhole(fovy=60.0)
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: (64, 64))
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (64, 64))
     found = frames("0 0 1", lens, outputs, True, size)
-    monkeypatch.setattr(view_shape_lists, "capacity_of", lambda *_: 0)
+    monkeypatch.setattr(trace, "capacity_of", lambda *_: 0)
     for mine, theirs in zip(found, frames("0 0 1", lens, outputs, True, size), strict=True):
         for name in outputs:
             if name in ("depth", "segmentation", "distance"):
@@ -156,7 +156,7 @@ def test_which_images_are_listed_ahead() -> None:
     many = replace(tables, num_worlds=500)
 
     def listed(width: int, height: int, *outputs: str, of: SceneTables = many) -> int:
-        return view_shape_lists.capacity_of(of, "pinhole", width, height, ("depth", *outputs), device)
+        return trace.capacity_of(of, "pinhole", width, height, ("depth", *outputs), device)
 
     assert [listed(64, 64), listed(128, 72), listed(640, 480, "flow", "normals"), listed(1008, 504)] == [16] * 4
     assert not any(
@@ -169,8 +169,8 @@ def test_which_images_are_listed_ahead() -> None:
 
 def test_rows_of_a_list() -> None:
     for outputs, rows in ((("depth", "flow"), (98, 178)), (("normals",), (118, 214))):
-        assert tuple(view_shape_lists.rows_of(capacity, outputs) for capacity in (16, 32)) == rows
-    assert view_shape_lists.rows_of(0, ("depth",)) == 0
+        assert tuple(trace.rows_of(capacity, outputs) for capacity in (16, 32)) == rows
+    assert trace.rows_of(0, ("depth",)) == 0
 
 
 # How many blocks share an image: of 64x64 pixels, of fewer, and of more.
@@ -187,21 +187,21 @@ def test_rows_of_a_list() -> None:
 )
 def test_blocks_that_share_an_image(outputs: tuple[str, ...], parts: tuple[int, ...]) -> None:
     sizes = [(64, 64), (16, 8), (128, 72), (256, 256), (640, 480)]
-    assert tuple(visibility.parts_of(outputs, *size) for size in sizes[: len(parts)]) == parts
+    assert tuple(trace.parts_of(outputs, *size) for size in sizes[: len(parts)]) == parts
 
 
 def test_what_is_listed_ahead(device: wp.Device) -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
-    listed = view_shape_lists.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
+    listed = trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
     assert listed == (16 if device.is_cuda else 0)
-    assert view_shape_lists.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == listed
-    assert view_shape_lists.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
-    assert view_shape_lists.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
-    assert view_shape_lists.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
+    assert trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == listed
+    assert trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
+    assert trace.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
+    assert trace.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
     for count, most in ((20, 32), (30, 0)):
         more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(count))
         tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
-        found = view_shape_lists.capacity_of(tables, "pinhole", 16, 8, ("rgb", "flow"), device)
+        found = trace.capacity_of(tables, "pinhole", 16, 8, ("rgb", "flow"), device)
         assert found == (most if device.is_cuda else 0)
 
 
@@ -209,8 +209,8 @@ def test_nothing_is_listed_ahead_where_a_hidden_mesh_moves() -> None:
     device = SimpleNamespace(is_cuda=True, sm_count=132)
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
     for outputs in (("depth",), ("flow", "flow_valid")):
-        assert view_shape_lists.capacity_of(tables, "pinhole", 16, 8, outputs, device) == 16
-        assert view_shape_lists.capacity_of(replace(tables, moving=(0,)), "pinhole", 16, 8, outputs, device) == 0
+        assert trace.capacity_of(tables, "pinhole", 16, 8, outputs, device) == 16
+        assert trace.capacity_of(replace(tables, moving=(0,)), "pinhole", 16, 8, outputs, device) == 0
 
 
 def _put(mjm: object) -> tuple[object, object, object]:

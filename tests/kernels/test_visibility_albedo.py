@@ -11,7 +11,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
+from warpcam.kernels.plan import launches, trace
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 from warpcam.sources.mujoco import model as mujoco_model
 
@@ -61,9 +61,9 @@ def test_albedo_is_as_a_second_pass_makes_it(
     device: wp.Device,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(visibility, "region_size", lambda *_, **__: region)
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: region)
     found = images(floor, material, size, 3, ("depth", "segmentation", "albedo"))
-    monkeypatch.setattr(visibility, "paints", lambda *_: False)
+    monkeypatch.setattr(trace, "traces_albedo", lambda *_: False)
     expected = images(floor, material, size, 3, ("depth", "segmentation", "albedo"))
     assert len(np.unique(expected["segmentation"])) >= 6
     assert len(np.unique(expected["albedo"])) > 50
@@ -80,7 +80,7 @@ def test_albedo_of_textures_that_lie_from_above(device: wp.Device, monkeypatch: 
     usual = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
     monkeypatch.setattr(mujoco_model, "VERSION", (3, 11))
     found = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
-    monkeypatch.setattr(visibility, "paints", lambda *_: False)
+    monkeypatch.setattr(trace, "traces_albedo", lambda *_: False)
     expected = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
     apart = np.abs(found.astype(int) - expected)
     assert apart.max() <= 3 and (apart > 0).mean() < 0.05
@@ -98,7 +98,7 @@ def test_images_of_whole_regions_are_as_those_of_parts(
     more = "".join(f'<geom size=".02" pos="{-1 + 0.05 * k} .5 .2"/>' for k in range(shapes))
     seen = []
     for region in ((16, 8), (64, 64)):
-        monkeypatch.setattr(visibility, "region_size", lambda *_, region=region, **__: region)
+        monkeypatch.setattr(trace, "region_size", lambda *_, region=region, **__: region)
         seen.append(images(floor, "floor", (64, 64), 40, ("depth", "segmentation", *outputs), more))
     for name, image in seen[0].items():
         assert np.isfinite(image).any() and np.ptp(image[np.isfinite(image)]) > 0
@@ -109,7 +109,7 @@ def test_images_of_whole_regions_are_as_those_of_parts(
 
 
 def tables(*types: int, **other: Any) -> Any:
-    facts = {"num_drawn": 20, "physical": None, "splats": None, "variety": None, **other}
+    facts = {"num_drawn": 20, "physical": None, "splats": None, "world_overrides": None, **other}
     return type("Tables", (), {"shape_types": frozenset({SPHERE, *types}), **facts})()
 
 
@@ -125,11 +125,11 @@ def tables(*types: int, **other: Any) -> Any:
         (tables(MESH), "pinhole", (64, 64), (), False),
         (tables(HEIGHT_FIELD), "pinhole", (64, 64), (), False),
         (tables(physical=1), "pinhole", (64, 64), (), False),
-        (tables(num_drawn=visibility.MAX_LISTED + 1), "pinhole", (64, 64), (), False),
+        (tables(num_drawn=launches.MAX_LISTED + 1), "pinhole", (64, 64), (), False),
     ],
 )
 def test_the_trace_writes_albedo_where_it_can(
     scene: Any, lens: str, size: tuple[int, int], others: tuple[str, ...], expected: bool
 ) -> None:
-    assert visibility.paints(scene, lens, *size, 8192, dict.fromkeys(others), CARD) == expected
-    assert not visibility.paints(scene, lens, *size, 8192, dict.fromkeys(others), wp.get_device("cpu"))
+    assert trace.traces_albedo(scene, lens, *size, 8192, dict.fromkeys(others), CARD) == expected
+    assert not trace.traces_albedo(scene, lens, *size, 8192, dict.fromkeys(others), wp.get_device("cpu"))

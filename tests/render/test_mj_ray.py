@@ -7,7 +7,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
+from warpcam.kernels.plan import launches
 
 WORLDS, SIZE, FOVY = 40, 50, 40.0  # 100,000 rays
 SHAPES = 10
@@ -119,14 +119,14 @@ def test_ids_and_depths(device: wp.Device, kind: str) -> None:
     check(device, kind, mjm, [posed(mjm, random) for _ in range(WORLDS)], (2.5, 5.0), random)
 
 
-@pytest.mark.parametrize("listed", [visibility.MAX_LISTED, visibility.MANY_LISTED])
+@pytest.mark.parametrize("listed", [launches.MAX_LISTED, launches.MANY_LISTED])
 @pytest.mark.parametrize("distances", [(9.0, 12.0), (2.0, 4.0)], ids=["all in sight", "among them"])
 def test_more_shapes_than_one_pass_draws(
     device: wp.Device, listed: int, distances: tuple[float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(visibility, "MANY_LISTED", listed)  # of a CPU, which else draws as many in one
+    monkeypatch.setattr(launches, "MANY_LISTED", listed)  # of a CPU, which else draws as many in one
     random = np.random.default_rng(0)
-    mjm = cluster("all", random, 2 * visibility.MAX_LISTED)
+    mjm = cluster("all", random, 2 * launches.MAX_LISTED)
     check(device, "crowd", mjm, [posed(mjm, random, 3.0) for _ in range(4)], distances, random)
 
 

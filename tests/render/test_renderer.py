@@ -9,12 +9,13 @@ from sphere_scenes import BALL, MODEL, NUM_WORLDS, Simulation, every_device, hos
 
 import warpcam as wc
 from warpcam.camera.outputs import OUTPUTS
-from warpcam.kernels.passes import shading, shadow, visibility
+from warpcam.kernels.passes import shading as shading_pass
+from warpcam.kernels.plan import shading, shadow, trace
 
 
 def test_outputs_agree_with_the_kernel_that_makes_them() -> None:
     derived = {name: (output.dtype, output.channels) for name, output in OUTPUTS.items() if output.trace is None}
-    assert derived == dict(shading.OUTPUTS)
+    assert derived == dict(shading_pass.OUTPUTS)
 
 
 @every_device
@@ -41,7 +42,7 @@ def test_images_do_not_depend_on_regions(device: str, monkeypatch: pytest.Monkey
     simulation = Simulation(device)
     camera = wc.Camera("side", width=21, height=13, outputs=("rgb", "depth", "segmentation"), shadows=True)
     expected = host(wc.Renderer(simulation.scene, [camera]).render(), "side")
-    for module in (visibility, shadow, shading):
+    for module in (trace, shadow, shading):
         monkeypatch.setattr(module, "region_size", lambda *_, **__: (16, 8))
     for name, image in host(wc.Renderer(simulation.scene, [camera]).render(), "side").items():
         np.testing.assert_array_equal(image, expected[name], err_msg=name)

@@ -12,7 +12,7 @@ import warp as wp
 from golden_scenes import compiled
 
 import warpcam as wc
-from warpcam.kernels.passes import visibility
+from warpcam.kernels.plan import launches
 
 DIM = '<visual><headlight ambient=".05 .05 .05" diffuse=".1 .1 .1" specular="0 0 0"/></visual>'
 CASTING = (
@@ -98,11 +98,9 @@ def test_colours_and_places_of_now(device: wp.Device) -> None:
 def test_the_last_is_seen_where_more_than_one_pass_draws(
     device: wp.Device, kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(visibility, "MANY_LISTED", visibility.MAX_LISTED)  # of a CPU, which else draws as many in one
+    monkeypatch.setattr(launches, "MANY_LISTED", launches.MAX_LISTED)  # of a CPU, which else draws as many in one
     first, last = (scenes.geom_xml(kind, name, 'pos="0 0 -2"') for name in ("first", "last"))
-    floors = "".join(
-        f'<geom type="plane" size="0 0 1" pos="0 0 {-3 - 0.01 * k}"/>' for k in range(visibility.MAX_LISTED)
-    )
+    floors = "".join(f'<geom type="plane" size="0 0 1" pos="0 0 {-3 - 0.01 * k}"/>' for k in range(launches.MAX_LISTED))
     mjm = scenes.compile_xml(first + floors + last, assets=scenes.ASSETS)
     seen = scenes.look(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), scenes.own_camera())["segmentation"]
     assert (seen == mjm.geom("last").id).sum() > 50

@@ -7,7 +7,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import shading, shadow, visibility
+from warpcam.kernels.plan import shading, shadow, trace
 
 TEXTURE = '<texture name="checks" type="2d" builtin="checker" rgb1=".9 .8 .7" rgb2=".2 .3 .4" width="64" height="48"/>'
 SPOTS = (
@@ -87,7 +87,7 @@ def test_images_alone_and_together(
     shadows: bool,
 ) -> None:
     """On a GPU those that are asked for alone are drawn by strips in whole regions, all together pixel by pixel."""
-    for module in (shading, shadow, visibility):
+    for module in (shading, shadow, trace):
         monkeypatch.setattr(module, "region_size", lambda *_, **__: (64, 64))
     mjm = model("0 0 .1", material, SPOTS + SUN, camera, 'euler="2 -3 10"')
     scene = wc.from_mujoco(mjm, [scenes.forward(mjm)], device=device)
@@ -111,7 +111,7 @@ def test_images_alone_and_together(
 @pytest.mark.parametrize("width", [128, 100])
 def test_where_no_light_reaches_there_is_none(device: wp.Device, monkeypatch: pytest.MonkeyPatch, width: int) -> None:
     """Corners keep the sum of all lights, of which those in shadow are taken away."""
-    for module in (shading, shadow, visibility):
+    for module in (shading, shadow, trace):
         monkeypatch.setattr(module, "region_size", lambda *_, **__: (64, 64))
     lights = "".join(
         f'<light type="directional" pos="-1.8 2.1 3" dir=".6 -.7 -1" diffuse="{grey} {grey} {grey}" ambient="0 0 0"/>'
@@ -165,7 +165,7 @@ def test_regions(
     mjm = model("0 0 .1", material, lights, camera, 'euler="2 -3 10"')
     images = []
     for region in ((16, 8), (32, 16), (64, 32), (64, 64)):  # in the first there are none
-        for module in (shading, shadow, visibility):
+        for module in (shading, shadow, trace):
             monkeypatch.setattr(module, "region_size", lambda *_, region=region, **__: region)
         images += pictures(mjm, device, shadows, 128, 64)
     assert images[0].std() > 10
@@ -199,7 +199,7 @@ def test_what_hangs_behind_a_lamp_takes_no_shadow_away(
     mjm = model("0 0 .1", "grey", lamp + ball, '<camera pos="0 -1 1.5" xyaxes="1 0 0 0 0 1"/>')
     images = []
     for region in ((16, 8), (64, 64)):
-        for module in (shading, shadow, visibility):
+        for module in (shading, shadow, trace):
             monkeypatch.setattr(module, "region_size", lambda *_, region=region, **__: region)
         images += [pictures(mjm, device, shadows, 128, 64)[0] for shadows in (True, False)]
     assert (np.abs(images[0] - images[1]).max(axis=-1) > 5).sum() > 50  # of the box on the floor

@@ -7,7 +7,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.passes import shadow
+from warpcam.kernels.plan import launches, shadow
 
 # All around and past each other: some before a light that shines, some behind it, walls beside it.
 LIGHTS = """
@@ -56,7 +56,7 @@ def lit(mjm: mujoco.MjModel, lens: wc.Pinhole | wc.Orthographic) -> np.ndarray:
     [
         (wc.Pinhole(fovy=50.0), True, 512),
         (wc.Pinhole(fovy=50.0), False, 512),
-        (wc.Pinhole(fovy=50.0), False, shadow.THREADS),  # in several passes
+        (wc.Pinhole(fovy=50.0), False, launches.THREADS),  # in several passes
         (wc.Orthographic(height=4.0), True, 512),
     ],
 )

@@ -10,7 +10,10 @@ from warpcam.camera.lens import Projection
 from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import LayerTables, Mirror
-from warpcam.kernels.passes import antialiasing, mirrors, shading, shadow, splats, view_shape_lists, visibility
+from warpcam.kernels.passes import antialiasing, mirrors, shading, shadow, splats, visibility
+from warpcam.kernels.plan import launches
+from warpcam.kernels.plan import trace as trace_plan
+from warpcam.kernels.plan.shading import traced_albedo_facts
 from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, View
@@ -45,8 +48,8 @@ def list_rows(camera: Camera, projection: Projection, tables: SceneTables, devic
     """Rows of four words that a camera has in each world for the shapes its image may show."""
     if shows_transparent(camera, tables):  # a trace of its own leaves out what is transparent
         return 0
-    capacity = view_shape_lists.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device)
-    return view_shape_lists.rows_of(capacity, camera.outputs)
+    capacity = trace_plan.capacity_of(tables, projection, camera.width, camera.height, camera.outputs, device)
+    return trace_plan.rows_of(capacity, camera.outputs)
 
 
 class CameraPasses:
@@ -125,12 +128,12 @@ class CameraPasses:
                 derived[name] = wp.array(
                     ptr=buffers[f"lit {name}"].ptr, shape=image.shape, dtype=image.dtype, device=device
                 )
-        if "albedo" in derived and visibility.paints(
+        if "albedo" in derived and trace_plan.traces_albedo(
             tables, projection, width, height, group.concurrent_worlds, traced, device
         ):
             traced["albedo"] = derived.pop("albedo")
         lit = {name: image for name, image in derived.items() if OUTPUTS[name].lit}
-        if projection in visibility.TABLES:
+        if projection in launches.TABLES:
             traced = _swapped(traced)
         depth, shape, face = (traced.pop(name, buffers.get(name)) for name in ("depth", "shape", "face"))
         shadows = buffers.get("shadow") if lit else None
@@ -152,7 +155,7 @@ class CameraPasses:
                 group,
                 transparent_index,
                 flow_history=None if self.history is None else self.history.flow_history,
-                facts=shading.facts_of_looks(tables) | shading.HAS_MIPS * tables.has_mips,
+                facts=traced_albedo_facts(tables),
                 lists=self.lists,
             )
         ]
@@ -209,7 +212,7 @@ class CameraPasses:
             blended = {name: self.images[name] for name in outputs}
             last.append(
                 splats.bind(
-                    _swapped(blended) if projection in visibility.TABLES else blended,
+                    _swapped(blended) if projection in launches.TABLES else blended,
                     projection,
                     tables,
                     views,

@@ -8,7 +8,8 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Projection
-from warpcam.kernels.passes import flow, vertex_history, visibility
+from warpcam.kernels.passes import flow, vertex_history
+from warpcam.kernels.plan import history as history_plan
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
@@ -45,7 +46,7 @@ class CameraHistory:
         parts = worlds * _floor_parts(camera, tables, device)
         self.flow_history.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
         self.flow_history.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
-        rows = 0 if visibility.composes(tables, device) and not listed else flow.motion_rows(tables)
+        rows = 0 if history_plan.composes(tables, device) and not listed else history_plan.motion_rows(tables)
         self.flow_history.motions = wp.zeros((worlds, rows), dtype=wp.vec4, device=device)
         self.flow_history.views_before = self.views
         self.flow_history.columns = tables.num_shapes
@@ -70,7 +71,7 @@ class ShapeHistory:
     def __init__(self, scene: Scene, tables: SceneTables):
         device = scene.device
         self.frame_state = wp.zeros(tables.num_worlds, dtype=wp.uint8, device=device)
-        self.composed_by_trace = visibility.composes(tables, device)
+        self.composed_by_trace = history_plan.composes(tables, device)
         size = (tables.num_worlds, 4 * tables.num_shapes)
         self.poses = wp.zeros(size, dtype=wp.vec4, device=device)
         self.next_poses = wp.zeros(size if self.composed_by_trace else (0, 0), dtype=wp.vec4, device=device)
@@ -114,8 +115,8 @@ def history_bytes(
     if not asking:
         return 0
     row = wp.types.type_size_in_bytes(wp.vec4)
-    composed = visibility.composes(tables, scene.device)
-    view, motions = wp.types.type_size_in_bytes(View), flow.motion_rows(tables) * row
+    composed = history_plan.composes(tables, scene.device)
+    view, motions = wp.types.type_size_in_bytes(View), history_plan.motion_rows(tables) * row
     each = sum(
         view
         + (0 if composed and key not in listed else motions)
@@ -129,13 +130,13 @@ def history_bytes(
 
 
 def _history_words(camera: Camera, tables: SceneTables) -> int:
-    return flow.history_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
+    return history_plan.history_words(tables, camera.width, camera.height) if "flow_valid" in camera.outputs else 0
 
 
 def _floor_parts(camera: Camera, tables: SceneTables, device: wp.Device) -> int:
     if "flow_valid" not in camera.outputs:
         return 0
-    return visibility.floor_parts(tables, device, camera.width, camera.height)
+    return history_plan.floor_parts(tables, device, camera.width, camera.height)
 
 
 def _worlds_of(scene: Scene, tables: SceneTables) -> np.ndarray:

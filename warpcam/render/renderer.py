@@ -3,7 +3,7 @@
 import itertools
 import threading
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.passes.views import FrameCounters, make_frame_start
+from warpcam.kernels.plan.frame import FramePlan, KernelKey
 from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
 from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
 from warpcam.kernels.scene_tables import SceneTables
@@ -198,6 +199,11 @@ class Renderer:
         with self._lock, torch_interop.in_order(self._device):
             self._bindings[self._key(camera)].set_table(lens)
 
+    @property
+    def plan(self) -> Mapping[str | int, FramePlan]:
+        """Kernels that draw each camera, by its name; ``str()`` of a plan has them in words."""
+        return {key: FramePlan.of(keys) for key, keys in self._keys.items()}
+
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
 
@@ -210,6 +216,7 @@ class Renderer:
     def _bind(self, tables: SceneTables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
+        self._keys: dict[str | int, list[KernelKey]] = {key: [] for key in self._cameras}
         known = None
         if self._shape_history is not None:
             known = self._shape_history.frame_state
@@ -219,7 +226,9 @@ class Renderer:
         def record_views(frame_start: Any) -> Iterator[Stage]:
             for key, binding in self._bindings.items():
                 target = self._passes[key]
-                yield binding.bind(mask, faults, target.views, tables, target.history, target.lists, frame_start)
+                stage = binding.bind(mask, faults, target.views, tables, target.history, target.lists, frame_start)
+                self._keep_keys(key, [stage])
+                yield stage
                 frame_start = None
 
         images = {key: target.images for key, target in self._passes.items()}
@@ -346,7 +355,14 @@ class Renderer:
         bounds = [batch.worlds.start + cut for cut in cuts]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
-            yield self._passes[key].bind(seen, projection, group, batch.buffers, self._selection.mask, self._faults)
+            mask = self._selection.mask
+            stages = self._passes[key].bind(seen, projection, group, batch.buffers, mask, self._faults)
+            self._keep_keys(key, [*stages.visibility, *stages.shading])
+            yield stages
+
+    def _keep_keys(self, camera: str | int, stages: Sequence[Stage]) -> None:
+        """Note which kernels a camera's stages run."""
+        self._keys[camera] += [stage.key for stage in stages if stage.key is not None]
 
     def _run(self, everything: bool, capturing: bool) -> None:
         recording = self._recording()

@@ -20,7 +20,7 @@ import warp as wp
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens_tables import RayTableLens
 from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
-from warpcam.kernels.passes import antialiasing, visibility
+from warpcam.kernels.plan import edges, launches
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.scene.layers import shows_mirrors, shows_transparent
@@ -40,7 +40,7 @@ def buffers_of(camera: Camera, tables: SceneTables) -> dict[str, Any]:
     """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
-    passes = tables.num_drawn > visibility.MAX_LISTED  # they go on from each other's depth and shape
+    passes = tables.num_drawn > launches.MAX_LISTED  # they go on from each other's depth and shape
     needed = (
         passes
         or tables.splats is not None
@@ -150,7 +150,7 @@ class Scratch:
 
     def wave(self, key: str | int) -> int:
         """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
-        return antialiasing.wave(self._device) if self._in_place(self._cameras[key]) else 1
+        return edges.wave(self._device) if self._in_place(self._cameras[key]) else 1
 
     def phases_of_rounds(
         self, images: LentImages, late: Mapping[str | int, Collection[str]], rounds: int
@@ -307,7 +307,7 @@ class Scratch:
         smooth = smooth_outputs(camera.outputs, camera.antialiasing)
         if not smooth:
             return False
-        return antialiasing.in_place(self._tables, smooth, camera.width, camera.height, self._device)
+        return edges.in_place(self._tables, smooth, camera.width, camera.height, self._device)
 
     def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""

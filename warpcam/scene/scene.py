@@ -14,21 +14,18 @@ from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.passes import views
-from warpcam.kernels.passes.shading import has_strips, is_spare
 from warpcam.kernels.passes.world_overrides import without_background
+from warpcam.kernels.plan.shading import has_plane_path, has_strips
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage, run
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
-    MASKED,
     MESH,
-    MOVING,
     PLANE,
-    SCALED,
     SKY_TERMS,
     SPLATS,
-    TWO_SIDED,
     Background,
     Lights,
     Materials,
@@ -77,7 +74,7 @@ class Scene:
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
-        types, spare = set(seen), is_spare(set(seen), len(seen))
+        types, spare = set(seen), has_plane_path(set(seen), len(seen))
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, len(seen)) and not parts.physical):
             self._sheets = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
@@ -328,6 +325,7 @@ class Scene:
             num_shapes=self._counts["shapes"],
             num_faces=max([self._num_faces, *map(num_faces, parts.height_fields)]),
             shape_types=self._shape_types(),
+            flags=self._flags(),
             has_materials=parts.num_materials > 0,
             has_textures=parts.num_materials > 0 and any(i != parts.skybox for i in range(len(parts.textures))),
             has_mips=len(self._mips) > 0,
@@ -370,14 +368,19 @@ class Scene:
         return [*self._parts.drawn, *self._clouds()]
 
     def _shape_types(self) -> frozenset[int]:
-        types = {int(self._parts.shape_types[shape]) for shape in self._parts.drawn} | self._parts.more_types
+        return frozenset(int(self._parts.shape_types[shape]) for shape in self._parts.drawn)
+
+    def _flags(self) -> SceneFlag:
+        """The source's flags, and those that follow from the scene's meshes and sizes."""
+        types, flags = self._shape_types(), self._parts.flags
         if self._parts.scaled and types & {MESH, HEIGHT_FIELD}:
-            types.add(SCALED)
+            flags |= SceneFlag.PER_SHAPE_SCALE
         if MESH in types:
             sides = any(mesh.two_sided for mesh in self._parts.meshes)
-            found = ((TWO_SIDED, sides), (MOVING, self._moving), (MASKED, self._masked))
-            types |= {kind for kind, there in found if there}
-        return frozenset(types)
+            flags |= SceneFlag.TWO_SIDED if sides else SceneFlag(0)
+            flags |= SceneFlag.DEFORMING_MESHES if self._moving else SceneFlag(0)
+            flags |= SceneFlag.ALPHA_TESTED if self._masked else SceneFlag(0)
+        return flags
 
 
 def _fill(struct: Any, prefix: str, arrays: Mapping[str, wp.array]) -> None:

@@ -11,6 +11,7 @@ from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh
 from warpcam.camera.lens import Projection
+from warpcam.kernels.flags import NO_SCENE_FLAGS, SceneFlag
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import NUM_ROLES, Meshes, Textures
 from warpcam.scene.layers import Layers
@@ -67,9 +68,8 @@ class SceneDescription:
         body_labels: What the user may call a body beside its name in ``bodies``; ``body_places`` says which of these
             it is. None: nothing else.
         body_places: (label,) int32.
-        more_types: Marks that stand among the types and are none: FROM_ABOVE, BARE, PROJECTED, TRIPLANAR, SHEER,
-            LIT_NORMALS, COINCIDENT.
-        coincident: With COINCIDENT among ``more_types`` (shape,) int32: see ``kernels.types.Shapes``.
+        flags: How its textures and normals are drawn, ``kernels.flags.APPEARANCE_FLAGS`` or some of them.
+        coincident: With COINCIDENT among ``flags`` (shape,) int32: see ``kernels.types.Shapes``.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
         backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
@@ -103,7 +103,7 @@ class SceneDescription:
     body_ids: np.ndarray | None = None
     body_labels: Sequence[str] | None = None
     body_places: np.ndarray | None = None
-    more_types: frozenset[int] = frozenset()
+    flags: SceneFlag = NO_SCENE_FLAGS
     coincident: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     scaled: bool = False
     physical: bool = False

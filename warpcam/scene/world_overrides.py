@@ -8,9 +8,9 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.passes.world_overrides import bind_light_intensity, bind_shape_colors, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.types import PROJECTED
 from warpcam.scene.source import LiveArray, SceneDescription, Source, live_arrays_of
 from warpcam.scene.validation import check_array
 
@@ -37,7 +37,7 @@ def override_names(parts: SceneDescription) -> tuple[str, ...]:
         for name, field in fields.items()
         if (name == "sky" or (name.startswith(("material_", "light_")) and counts[field.rows]))
         and not (parts.physical and name in UNUSED)
-        and not (PROJECTED in parts.more_types and name == "material_texture_uniform")  # by the metre, all of them
+        and not (SceneFlag.PROJECTED in parts.flags and name == "material_texture_uniform")  # by the metre, all of them
     ]
     more = [name for name, (_, rows) in EXTRA_OVERRIDES.items() if counts.get(rows, 1)]
     if parts.physical or not any(image.kind == "cube" for image in parts.textures):

@@ -83,6 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     examined = commands.add_parser("doctor", help=about, description=about)
     examined.set_defaults(command=doctor.run)
     examined.add_argument("--json", action="store_true", help="print it for programs")
+    examined.add_argument("--plan", action="store_true", help="print the kernels of the self test, too")
     return parser
 
 

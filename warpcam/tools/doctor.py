@@ -87,6 +87,7 @@ class Render:
         first: Until the first frame, compilation included [s].
         frame: Of a later frame of four small worlds [s].
         different: Share of pixels that are not the CPU's; None for the CPU itself, and without images.
+        plan: The kernels that made them, a line each; None without images.
     """
 
     device: str
@@ -95,6 +96,7 @@ class Render:
     first: float | None = None
     frame: float | None = None
     different: float | None = None
+    plan: str | None = None
 
 
 @dataclass(frozen=True)
@@ -181,11 +183,11 @@ def run(options: Any) -> int:
         console = Console(highlight=False)
         if not console.is_terminal:
             console.width = 200  # a log does not care, and lines that are whole can be searched
-        console.print(screen_of(report))
+        console.print(screen_of(report, plans=options.plan))
     return int(bool(report.problems))
 
 
-def screen_of(report: Report) -> Group:
+def screen_of(report: Report, plans: bool = False) -> Group:
     """The report for people."""
     parts: list[Any] = []
 
@@ -223,6 +225,8 @@ def screen_of(report: Report) -> Group:
         ],
     )
     section("Self test", [_result(render) for render in report.renders])
+    for render in report.renders if plans else ():
+        section(f"Kernels on {render.device}", [(line,) for line in (render.plan or "none").splitlines()])
     parts.extend(Text(f"! {text}", style="yellow") for text in report.remarks)
     parts.extend(Text(f"PROBLEM {text}", style="bold red") for text in report.problems)
     parts.append(Text("all is well" if not report.problems else f"problems: {len(report.problems)}", style="bold"))
@@ -256,7 +260,7 @@ def _render(device: wp.Device, judge: Mapping[str, Any] | None) -> tuple[Render,
     if judge is not None and not device.is_cpu:
         share, differs = self_test.difference(shot.images, dict(judge))
         problem = problem or differs
-    return Render(device.alias, problem is None, problem, shot.first, shot.frame, share), shot.images
+    return Render(device.alias, problem is None, problem, shot.first, shot.frame, share, shot.plan), shot.images
 
 
 def _remarks(environment: Sequence[Variable]) -> list[str]:

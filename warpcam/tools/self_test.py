@@ -39,11 +39,13 @@ class RenderedFrame:
         images: By output, (world, height, width, channels).
         first: Until the first frame was there, with all that had to be compiled [s].
         frame: Of a later frame of all worlds, at best [s].
+        plan: The kernels that made them, in words.
     """
 
     images: dict[str, np.ndarray]
     first: float
     frame: float
+    plan: str | None = None
 
 
 def shoot(device: wp.Device) -> RenderedFrame:
@@ -65,7 +67,7 @@ def shoot(device: wp.Device) -> RenderedFrame:
         wp.synchronize_device(device)
         times.append(time.perf_counter())
     images = {name: image.cpu().numpy().copy() for name, image in renderer.images["eye"].items()}
-    return RenderedFrame(images, times[0] - start, float(np.diff(times).min()))
+    return RenderedFrame(images, times[0] - start, float(np.diff(times).min()), str(renderer.plan["eye"]))
 
 
 def fault(images: dict[str, np.ndarray]) -> str | None:

@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-// Values of types.py.
+// Values of types.py and, as bits, of flags.py.
 enum ShapeType {
     PLANE,
     HEIGHT_FIELD,

@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-// Flow outputs of a trace: bits of visibility.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words have 16 bits.
+// Flow outputs of a trace: bits of flags.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words have 16 bits.
 // FLOW_LISTED: each block composes motions, of no more shapes than it lists, or copies those that the stage of views
 // has composed. FLOW_WHOLE: a block draws a whole image. FLOW_NEAR: shared memory has room for the previous words of 16
 // bits a pixel.

@@ -7,7 +7,7 @@
 
 namespace warpcam {
 
-// Bits of a set of images: what shading_pass/shading_pass.h writes. Values of shading.py.
+// Bits of a set of images: what shading_pass/shading_pass.h writes. Values of flags.py.
 enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
 // Facts of a scene and of an image.
 enum Fact {

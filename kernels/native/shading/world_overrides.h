@@ -10,7 +10,7 @@ template <class Textures> WARPCAM_DEVICE bool is_cube(const Textures& textures, 
     return is_texture(textures, texture) && wp::index(textures.kind, texture) == TEXTURE_CUBE;
 }
 
-// Facts of a scene and of a camera, beside those of shading/appearance.h. Values of variety.py.
+// Facts of a scene and of a camera, beside those of shading/appearance.h. Values of flags.py.
 enum VarietyFact {
     PER_WORLD_BACKGROUND = 1 << 21,   // worlds have a background or a skybox of their own
     HEADLIGHTS = 1 << 22,  // worlds have a headlight of their own

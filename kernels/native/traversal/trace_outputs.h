@@ -27,7 +27,7 @@ enum Output {
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
-// besides the rays is then paid once. Small regions have too few of them. visibility.py has the same.
+// besides the rays is then paid once. Small regions have too few of them. kernels/plan/trace.py has the same.
 constexpr int tiles_at_once(int types, int width, int height)
 {
     const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
@@ -37,7 +37,7 @@ constexpr int tiles_at_once(int types, int width, int height)
 // Number of blocks that share an image whose shapes have been listed. For 64x64 pixels: a launch that stores much ends
 // sooner with short blocks; one that stores little starts them too often; for validity each block would test the whole
 // plane. No block has less than a pixel a thread. Blocks of larger images have whole rows of stacks of tiles.
-// visibility.py has the same rule.
+// kernels/plan/trace.py has the same rule.
 constexpr int parts_of(int outputs, int width, int height)
 {
     constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;

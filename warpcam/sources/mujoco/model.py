@@ -11,7 +11,8 @@ import numpy as np
 from warpcam.accel.heightfields import HeightField
 from warpcam.accel.meshes import Mesh, face_normals
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.types import BOX, COINCIDENT, FROM_ABOVE, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE, SHEER
+from warpcam.kernels.flags import SceneFlag
+from warpcam.kernels.types import BOX, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE
 from warpcam.scene.source import SceneCamera, SceneDescription
 from warpcam.textures.pack import TextureImage
 
@@ -106,7 +107,7 @@ def read_description(
         meshes=[_mesh(mjm, index) for index in range(mjm.nmesh)],
         height_fields=[_height_field(mjm, index) for index in range(mjm.nhfield)],
         textures=textures,
-        more_types=_marks(textures) | ({COINCIDENT} if len(coincident) else frozenset()),
+        flags=_flags(textures) | (SceneFlag.COINCIDENT if len(coincident) else SceneFlag(0)),
         coincident=coincident,
         skybox=int(skyboxes[0]) if len(skyboxes) else -1,
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
@@ -239,13 +240,13 @@ def _height_field(mjm: mujoco.MjModel, index: int) -> HeightField:
     return HeightField(mjm.hfield(index).name or str(index), samples.astype(np.float32) * top, (x, y), top, base)
 
 
-def _marks(textures: Sequence[TextureImage]) -> frozenset[int]:
+def _flags(textures: Sequence[TextureImage]) -> SceneFlag:
     """Return the flags of texture mapping."""
     flat = [texture.pixels for texture in textures if texture.kind == "2d"]
-    marks = {FROM_ABOVE} if VERSION < REVISED and flat else set()
+    flags = SceneFlag.TEXTURE_FROM_ABOVE if VERSION < REVISED and flat else SceneFlag(0)
     if any(pixels.shape[-1] == 4 and pixels[..., 3].min() < 255 for pixels in flat):
-        marks.add(SHEER)
-    return frozenset(marks)
+        flags |= SceneFlag.TEXTURE_ALPHA
+    return flags
 
 
 def _texture(mjm: mujoco.MjModel, index: int) -> TextureImage:

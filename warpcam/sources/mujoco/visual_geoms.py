@@ -14,7 +14,8 @@ import numpy as np
 
 from warpcam.accel.meshes import Mesh
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.types import BARE, CAPSULE, CYLINDER, MESH, SPHERE
+from warpcam.kernels.flags import SceneFlag
+from warpcam.kernels.types import CAPSULE, CYLINDER, MESH, SPHERE
 from warpcam.kernels.update.refit import FaceShading
 from warpcam.kernels.update.skinning import Shell
 from warpcam.scene.source import SceneDescription
@@ -239,7 +240,7 @@ class _Reader:
             )
         soft = bool(self._moved) or any(kind == EDGE for kind, *_ in self._entries)
         if soft and any(texture != parts.skybox for texture in range(len(parts.textures))):
-            parts = replace(parts, more_types=parts.more_types | {BARE})
+            parts = replace(parts, flags=parts.flags | SceneFlag.TEXTURELESS_SHAPES)
         meshes = [*parts.meshes, *(part.mesh for part in self._moved for _ in range(parts.num_worlds))]
         drawn = sorted([*parts.drawn, *self.drawn])
         coincident = parts.coincident

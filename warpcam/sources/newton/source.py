@@ -12,6 +12,7 @@ from warpcam.core import device as device_rule
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels import types
+from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.update.refit import DeformingTree, kernels_of
 from warpcam.kernels.update.skinning import offset_vertices
@@ -127,7 +128,7 @@ class NewtonSource:
             body_labels=model.body_label,
             body_places=layout.body_places,
             scaled=True,
-            more_types=_marks(choice, layout),
+            flags=_flags(choice, layout),
             physical=True,
             backs_shade=True,  # as in Newton's own camera, whichever faces that leaves out
             clouds=layout.clouds,
@@ -369,14 +370,14 @@ def _image(pixels: Any, index: int) -> TextureImage:
     return TextureImage("2d", np.ascontiguousarray(image), blend_light=True)
 
 
-def _marks(choice: NewtonOptions, layout: Layout) -> frozenset[int]:
+def _flags(choice: NewtonOptions, layout: Layout) -> SceneFlag:
     """Return the flags of texture mapping without texture coordinates, and of the normals that are written."""
-    marks = {types.PROJECTED} if layout.textures else set()
+    flags = SceneFlag.PROJECTED if layout.textures else SceneFlag(0)
     if layout.textures and choice.triplanar:
-        marks.add(types.TRIPLANAR)
+        flags |= SceneFlag.TRIPLANAR
     if layout.meshes and choice.lit_normals:
-        marks.add(types.LIT_NORMALS)
-    return frozenset(marks)
+        flags |= SceneFlag.LIT_NORMALS
+    return flags
 
 
 def load(

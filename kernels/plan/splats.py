@@ -1,0 +1,68 @@
+"""Kernels that blend clouds of Gaussians over the images."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import warp as wp
+
+from warpcam.kernels.flags import Lens, SplatFlag, TraceFlag
+from warpcam.kernels.plan import launches
+from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, flag_if
+from warpcam.kernels.scene_tables import SceneTables
+
+IMAGES = {
+    "rgb": SplatFlag.RGB,
+    "rgba": SplatFlag.RGBA,
+    "hdr": SplatFlag.HDR,
+    "albedo": SplatFlag.ALBEDO,
+    "depth": SplatFlag.DEPTH,
+    "distance": SplatFlag.DISTANCE,
+    "points": SplatFlag.POINTS,
+    "normals": SplatFlag.NORMALS,
+    "segmentation": SplatFlag.SHAPE,
+    "bodies": SplatFlag.BODIES,
+    "instances": SplatFlag.INSTANCES,
+    "semantics": SplatFlag.SEMANTICS,
+}
+LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
+REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
+BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
+CAPACITIES = (4, 16, 64, 128)  # clouds that a block keeps: few sizes, so that scenes share kernels
+
+
+@dataclass(frozen=True)
+class SplatKey:
+    """A kernel that blends clouds: splats/gaussian_blend.h."""
+
+    lens: Lens
+    capacity: int  # clouds that a block keeps
+    images: SplatFlag
+    flow: TraceFlag  # FLOW, FLOW_VALID and FLOW_MOVES
+
+    @property
+    def blocks(self) -> int:
+        return BLOCKS
+
+    @property
+    def wanted(self) -> int:
+        """C++ template parameter: the bits of both."""
+        return int(self.images) | int(self.flow)
+
+
+def plan_splats(
+    tables: SceneTables, lens: str, width: int, height: int, images: Collection[str], device: wp.Device
+) -> PlannedLaunch[SplatKey]:
+    """The kernel that draws clouds over ``images``, which may have "flow" and "flow_valid" among them."""
+    flow = flag_if(TraceFlag.FLOW, "flow" in images) | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in images)
+    if flow:
+        flow |= flag_if(TraceFlag.FLOW_MOVES, bool(tables.moving))
+    overrides = tables.world_overrides
+    exposed = overrides is not None and overrides.exposures.size > 0 and not set(LIT).isdisjoint(images)
+    flags = flag_if(SplatFlag.BY_WORLD, tables.ids_by_world) | flag_if(SplatFlag.EXPOSED, exposed)
+    flags |= flag_if(SplatFlag.SOLID, tables.splat_limits is not None)
+    flags |= flag_if(SplatFlag.LINEAR, tables.physical is not None and "hdr" in images)
+    for name, flag in IMAGES.items():
+        flags |= flag_if(flag, name in images)
+    capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
+    threads = launches.world_threads(launches.regions_of(width, height, (REGION, REGION)), device)
+    return PlannedLaunch(SplatKey(LENSES[lens], capacity, flags, flow), threads)

@@ -1,0 +1,257 @@
+"""Kernels of the trace, of the trace of mirrored views, and of the stage that lists shapes for the trace."""
+
+from collections.abc import Collection, Set
+from dataclasses import dataclass
+
+import warp as wp
+
+from warpcam.kernels.flags import (
+    NO_FACTS,
+    TRAVERSED,
+    GeometryFlag,
+    Lens,
+    SceneFlag,
+    ShadingFlag,
+    TraceFlag,
+)
+from warpcam.kernels.plan import history, launches
+from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
+from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.scene_tables import SceneTables
+
+# Arrays of the trace by name, in the order in which the target has them.
+ARRAYS = {
+    "depth": TraceFlag.DEPTH,
+    "shape": TraceFlag.SHAPE,
+    "face": TraceFlag.FACE,
+    "distance": TraceFlag.DISTANCE,
+    "points": TraceFlag.POINTS,
+    "bodies": TraceFlag.BODIES,
+    "normals": TraceFlag.NORMAL,
+}
+LABELS = {"instances": TraceFlag.INSTANCES, "semantics": TraceFlag.SEMANTICS}
+LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/trace_tile.h, ShapeList
+BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
+MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
+MOVING_BLOCKS = 6  # and where meshes move: native/accel/bvh4.h, faces_together
+MANY_MESHES_BLOCKS = 6  # and for more than MANY shapes
+
+# Outputs of a trace whose shapes are listed ahead, and those that are lit from what it sees; the others need what is
+# not listed.
+LISTED_TRACED = ("depth", "segmentation", "distance", "points", "bodies", "normals", "instances", "semantics")
+LISTED_OUTPUTS = frozenset((*LISTED_TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
+HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
+LANES = 32
+# pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
+MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
+LIST_BLOCKS, LIST_FLOW_BLOCKS = (
+    7,
+    5,
+)  # on a multiprocessor: bounds the registers of a thread; with more some are spilled
+
+
+@dataclass(frozen=True)
+class TraceKey:
+    """A kernel of the trace: traversal/visibility.h, visibility_listed.h or shading_pass/visibility_albedo.h."""
+
+    types: SceneTypes
+    lens: Lens
+    capacity: int  # shapes that a block lists
+    several: bool  # passes, which go on from each other's depth and shape
+    region: tuple[int, int]  # of a block [pixels]
+    outputs: TraceFlag
+    facts: ShadingFlag  # of the scene, where albedo is traced
+
+    @property
+    def blocks(self) -> int:
+        return blocks(self.types, self.capacity)
+
+
+@dataclass(frozen=True)
+class MirrorKey:
+    """A kernel of the trace of mirrored views: shading_pass/mirror_visibility.h."""
+
+    types: SceneTypes
+    lens: Lens
+    capacity: int
+    several: bool
+    region: tuple[int, int]
+    faces: bool
+
+    @property
+    def blocks(self) -> int:
+        return blocks(self.types, self.capacity)
+
+
+@dataclass(frozen=True)
+class ListKey:
+    """A kernel that writes views and lists shapes: traversal/view_shape_list.h."""
+
+    types: SceneTypes
+    lens: Lens
+    capacity: int
+    outputs: TraceFlag
+
+    @property
+    def blocks(self) -> int:
+        return LIST_FLOW_BLOCKS if self.outputs & (TraceFlag.FLOW | TraceFlag.FLOW_VALID) else LIST_BLOCKS
+
+
+def plan_trace(
+    tables: SceneTables,
+    lens: str,
+    width: int,
+    height: int,
+    images: Collection[str],
+    facts: ShadingFlag,
+    device: wp.Device,
+    group: Group,
+    *,
+    opaque: bool = False,
+    listed: bool = False,
+) -> PlannedLaunch[TraceKey]:
+    """The kernel of a trace.
+
+    Args:
+        tables: The scene.
+        lens: One of LENSES.
+        width: Of the image [pixels].
+        height: Of the image [pixels].
+        images: Names of all arrays that are written, "depth", "shape" and "face" among them.
+        facts: Of the scene's looks.
+        device: Where it runs.
+        group: Worlds that are traced.
+        opaque: Transparent shapes are left out.
+        listed: A stage has listed the shapes.
+    """
+    most = launches.MANY_LISTED if device.is_cpu else launches.MAX_LISTED
+    capacity = launches.list_capacity(tables.num_drawn, most)
+    region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
+    outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
+    painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
+    if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
+        threes = not {"points", "normals"}.isdisjoint(images)
+        outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and threes)
+        tall = 4 * tiles_at_once(tables.shape_types, region)
+        outputs |= flag_if(TraceFlag.NO_PARTIAL_TILES, width % 8 == 0 and height % tall == 0)
+    if region == (width, height):
+        outputs |= _whole_image(tables, device, "flow_valid" in images)
+        outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
+    parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
+    threads = launches.world_threads(parts, device)
+    types = launches.scene_types(tables, device, appearance=painted)
+    types = launches.in_order(types, len(group.worlds) * threads, device)
+    several = tables.num_drawn > capacity
+    known = facts if painted else NO_FACTS
+    return PlannedLaunch(TraceKey(types, LENSES[lens], capacity, several, region, outputs, known), threads)
+
+
+def plan_mirror(
+    tables: SceneTables, lens: str, width: int, height: int, faces: bool, device: wp.Device, group: Group
+) -> PlannedLaunch[MirrorKey]:
+    """The kernel that traces what is seen in mirrors."""
+    capacity = launches.list_capacity(tables.num_drawn)
+    region = region_size(tables, group.concurrent_worlds, width, height, device)
+    threads = launches.world_threads(launches.regions_of(width, height, region), device)
+    several = tables.num_drawn > capacity
+    key = MirrorKey(launches.scene_types(tables, device), LENSES[lens], capacity, several, region, faces)
+    return PlannedLaunch(key, threads)
+
+
+def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bool, device: wp.Device) -> ListKey:
+    """The kernel that lists the shapes of a camera; ``flow``: and composes their motions."""
+    wanted = flag_if(TraceFlag.NORMAL, "normals" in outputs)
+    if flow:
+        wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in outputs)
+    types = launches.scene_types(tables, device)
+    return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn), wanted)
+
+
+def capacity_of(
+    tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
+) -> int:
+    """Return the capacity of the camera's shape lists; 0 for no lists."""
+    few = 0 < tables.num_drawn <= LANES
+    plain = launches.is_analytic(tables.shape_types) and not tables.ids_by_world
+    alike = history.composes(tables, device)  # what the stage composes is what a block would
+    if not (alike and few and plain and projection not in launches.TABLES and LISTED_OUTPUTS.issuperset(outputs)):
+        return 0
+    region = region_size(tables, tables.num_worlds, width, height, device)
+    rows = region == launches.REGIONS[0] and "flow_valid" not in outputs
+    rows &= width % 16 == 0 and height % 8 == 0 and width <= MOST_COLUMNS and height <= MOST_ROWS
+    return launches.list_capacity(tables.num_drawn) if rows or region == (width, height) else 0
+
+
+def rows_of(capacity: int, outputs: Collection[str]) -> int:
+    """Rows of four words that the list of a world has."""
+    if capacity == 0:
+        return 0
+    head = HEAD_ROWS + (FACING_ROWS + capacity) * ("normals" in outputs)
+    return head + head % 2 + RECORD_ROWS * capacity
+
+
+def parts_of(images: Collection[str], width: int, height: int) -> int:
+    """Return the number of blocks that share an image whose shapes have been listed: trace_outputs.h has the same."""
+    pixels = launches.REGIONS[0][0] * launches.REGIONS[0][1]
+    small = width * height <= pixels
+    more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
+    threes = ("points" in images) + ("normals" in images)
+    wanted = 4 * threes or (2 if "flow" in images or more else 1)
+    wanted = 1 if "flow_valid" in images else wanted
+    if small:
+        return min(wanted, width * height // launches.THREADS, height // 4)
+    return -(-(height // 8) // max(1, pixels // (8 * wanted * width)))
+
+
+def blocks(types: SceneTypes, capacity: int) -> int:
+    """Blocks that a multiprocessor is to hold: no more than its shared memory has room for."""
+    meshes = bool(types.geometry & GeometryFlag.MESH)
+    shared = LISTED_BYTES * capacity + 1024
+    if meshes:
+        shared += launches.THREADS * (8 * -(-capacity // 32) + 6)
+    bound = MESH_BLOCKS if types.geometry & TRAVERSED else BLOCKS
+    bound = MANY_MESHES_BLOCKS if meshes and capacity > launches.MANY else bound
+    bound = MOVING_BLOCKS if types.scene & SceneFlag.DEFORMING_MESHES else bound
+    return min(bound, launches.SHARED_MEMORY // shared)
+
+
+def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
+    """Return the number of tiles that a warp of a CUDA block draws at once: native/traversal/trace_outputs.h."""
+    return 2 if launches.is_analytic(shape_types) and region[0] * region[1] >= 32 * 32 else 1
+
+
+def traces_albedo(
+    tables: SceneTables, lens: str, width: int, height: int, at_once: int, images: Collection[str], device: wp.Device
+) -> bool:
+    """Return whether the trace of these images writes albedo, too: native/shading_pass/visibility_albedo.h."""
+    plain = launches.is_analytic(tables.shape_types) and tables.physical is None and tables.splats is None
+    moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
+    if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > launches.MAX_LISTED:
+        return False
+    tall = tiles_at_once(tables.shape_types, region_size(tables, at_once, width, height, device))
+    return {"flow", "flow_valid"}.isdisjoint(images) and width % 8 == 0 and height % (4 * tall) == 0
+
+
+def _outputs(tables: SceneTables, images: Collection[str], device: wp.Device) -> TraceFlag:
+    """Flags of the images that are written, and of how they are."""
+    outputs = TraceFlag(0)
+    for name, flag in (ARRAYS | LABELS).items():
+        outputs |= flag_if(flag, name in images)
+    outputs |= flag_if(TraceFlag.IDS, "ids" in images)
+    outputs |= flag_if(TraceFlag.BY_WORLD, tables.ids_by_world and "bodies" in images)
+    if not {"flow", "flow_valid"}.isdisjoint(images):
+        outputs |= flag_if(TraceFlag.FLOW, "flow" in images) | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in images)
+        outputs |= flag_if(TraceFlag.FLOW_MOVES, bool(tables.moving))
+        outputs |= flag_if(TraceFlag.FLOW_BRIEF, history.is_compact(tables))
+        outputs |= flag_if(TraceFlag.FLOW_LISTED, history.composes(tables, device))
+    elif "albedo" in images:
+        outputs |= TraceFlag.TRACE_ALBEDO
+    return outputs
+
+
+def _whole_image(tables: SceneTables, device: wp.Device, valid: bool) -> TraceFlag:
+    """Return the flags of a trace whose blocks draw whole images; with many shapes there is no room for words."""
+    if not device.is_cuda:
+        return TraceFlag(0)
+    near = valid and history.is_compact(tables) and tables.num_drawn <= launches.MANY
+    return TraceFlag.FLOW_WHOLE | flag_if(TraceFlag.FLOW_NEAR, near)

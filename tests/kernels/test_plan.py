@@ -1,0 +1,145 @@
+"""Plans of frames: which kernels a scene, a camera and a device ask for. Nothing is compiled."""
+
+from dataclasses import FrozenInstanceError, replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from sphere_scenes import Simulation
+
+from warpcam.kernels import types
+from warpcam.kernels.flags import (
+    NO_FACTS,
+    NO_SCENE_FLAGS,
+    GeometryFlag,
+    ImageFlag,
+    Lens,
+    SceneFlag,
+    ShadingFlag,
+    TraceFlag,
+)
+from warpcam.kernels.plan import edges, frame, shading, shadow, trace
+from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.scene_tables import SceneTables
+
+CPU: Any = SimpleNamespace(is_cuda=False, is_cpu=True)
+CARD: Any = SimpleNamespace(is_cuda=True, is_cpu=False, sm_count=132)
+ALL = Group.of_all(8192)
+
+
+def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
+    drawn = SimpleNamespace(drawn=SimpleNamespace(shape=(shapes,)))
+    tables = SceneTables(
+        shapes=drawn, meshes=SimpleNamespace(shutters=None), height_fields=None, materials=None, textures=None,
+        lights=None, background=None, num_worlds=8192, num_drawn=shapes, num_lights=1,
+        shape_types=frozenset(shape_types or (types.SPHERE,)), num_shapes=shapes, num_faces=0, has_materials=True,
+        has_textures=False, has_skybox=False, flags=flags,
+    )  # fmt: skip
+    return replace(tables, **other)
+
+
+def traced(tables: SceneTables, device: Any, *images: str, **other: Any) -> trace.TraceKey:
+    plan = trace.plan_trace(tables, "pinhole", 64, 64, images or ("depth", "shape"), NO_FACTS, device, ALL, **other)
+    return plan.key
+
+
+def test_keys_are_frozen_and_equal_by_value() -> None:
+    key = traced(scene(), CPU)
+    assert key == traced(scene(), CPU)
+    assert hash(key) == hash(traced(scene(), CPU))
+    with pytest.raises(FrozenInstanceError):
+        key.capacity = 3  # type: ignore[misc]
+
+
+def test_scenes_of_similar_sizes_share_kernels() -> None:
+    assert traced(scene(shapes=17), CARD) == traced(scene(shapes=32), CARD)
+    assert traced(scene(shapes=33), CARD) != traced(scene(shapes=32), CARD)
+
+
+def test_a_trace_knows_nothing_of_appearance_unless_it_writes_albedo() -> None:
+    tables = scene(flags=SceneFlag.TEXTURE_FROM_ABOVE | SceneFlag.TWO_SIDED)
+    assert traced(tables, CARD).types.scene == SceneFlag.TWO_SIDED
+    assert SceneFlag.TEXTURE_FROM_ABOVE in traced(tables, CARD, "depth", "albedo").types.scene
+    facts = ShadingFlag.HAS_MATERIALS
+    plain = trace.plan_trace(tables, "pinhole", 64, 64, ("depth",), facts, CARD, ALL).key
+    assert plain.facts == NO_FACTS
+
+
+def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
+    assert traced(scene(types.SPHERE), CPU) == traced(scene(types.BOX, types.PLANE), CPU)
+    assert traced(scene(types.SPHERE), CPU) != traced(scene(types.CONE), CPU)
+    assert traced(scene(types.SPHERE), CARD).types.geometry == GeometryFlag.SPHERE
+
+
+def test_outputs_of_a_trace_are_its_flags() -> None:
+    key = traced(scene(), CPU, "depth", "points", "instances", "ids")
+    assert key.outputs == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
+    assert traced(scene(), CPU, "flow").outputs == TraceFlag.FLOW | TraceFlag.FLOW_BRIEF
+    assert TraceFlag.OPAQUE in traced(scene(), CPU, opaque=True).outputs
+
+
+def test_a_cpu_is_told_nothing_of_the_images_size() -> None:
+    size = TraceFlag.WIDTH_MULTIPLE_OF_4 | TraceFlag.NO_PARTIAL_TILES | TraceFlag.FLOW_WHOLE
+    assert not traced(scene(), CPU, "points").outputs & size
+    assert traced(scene(), CARD, "points").outputs & size == size
+
+
+def test_registers_are_bounded_by_what_a_scene_has() -> None:
+    assert traced(scene(), CARD).blocks == 10
+    assert traced(scene(types.HEIGHT_FIELD), CARD).blocks == 8
+    assert traced(scene(types.MESH, flags=SceneFlag.DEFORMING_MESHES), CARD).blocks == 6
+    assert traced(scene(types.MESH, shapes=100), CARD).blocks <= 6
+
+
+@pytest.mark.parametrize(("shapes", "many"), [(384, False), (385, True), (2**20 + 1, False)])
+def test_many_casters_have_a_kernel_of_their_own(shapes: int, many: bool) -> None:
+    key = shadow.plan_shadow(scene(shapes=shapes), "pinhole", 64, 64, CARD, ALL).key
+    assert key.many_casters == many
+    assert not shadow.plan_shadow(scene(types.MESH, shapes=shapes), "pinhole", 64, 64, CARD, ALL).key.many_casters
+
+
+def test_backs_of_meshes_shade() -> None:
+    key = shadow.plan_shadow(scene(types.MESH), "pinhole", 64, 64, CARD, ALL).key
+    assert SceneFlag.SHADING_BACKS in key.types.scene
+    key = shadow.plan_shadow(scene(types.MESH, physical=object()), "pinhole", 64, 64, CARD, ALL).key
+    assert SceneFlag.SHADING_BACKS not in key.types.scene
+
+
+@pytest.mark.parametrize(("width", "strips"), [(64, True), (60, False)])
+def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) -> None:
+    tables = scene(types.PLANE, types.BOX)
+    plan = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, None, CARD, ALL)
+    assert (ShadingFlag.PLANE_STRIPS in plan.key.facts) == strips
+    assert plan.key.images == ImageFlag.RGB
+    assert plan.key.blocks == (6 if strips else 5)
+    on_cpu = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, None, CPU, ALL)
+    assert not on_cpu.key.facts & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
+
+
+def test_edges_are_smoothed_in_place_where_worlds_fill_the_device() -> None:
+    def key(tables: SceneTables) -> edges.EdgeKey:
+        return edges.plan_edges(tables, "pinhole", 64, 64, ("rgb",), True, CARD, ALL).key
+
+    assert key(scene(types.MESH)).in_place
+    assert key(scene(types.MESH)).threads == edges.THREADS_IN_PLACE
+    assert not key(scene(types.MESH, num_worlds=100)).in_place
+    assert not key(scene()).in_place
+
+
+def test_a_plan_in_words_names_flags() -> None:
+    key = traced(scene(types.MESH, types.PLANE, flags=SceneFlag.TWO_SIDED), CARD)
+    assert key.types.geometry == GeometryFlag.PLANE | GeometryFlag.MESH
+    assert key.lens is Lens.PINHOLE
+    plan = frame.FramePlan.of([key, key])
+    assert plan.keys == (key,)
+    for word in ("trace:", "PLANE MESH TWO_SIDED", "PINHOLE", "DEPTH SHAPE", "64x64", "several no"):
+        assert word in str(plan)
+
+
+def test_a_renderer_tells_its_plan() -> None:
+    renderer = Simulation("cpu").renderer(("depth",))
+    plans = renderer.plan
+    assert list(plans) == ["top"]
+    (key,) = plans["top"].keys
+    assert isinstance(key, trace.TraceKey)
+    assert TraceFlag.DEPTH in key.outputs
