@@ -10,7 +10,12 @@ from warpcam.benchmarks.problem import Problem
 from warpcam.core.errors import WarpcamError
 
 # Name, which is the package's, and module. The first that runs is what the others' images are compared with.
-PEERS = {"mujoco_warp": "mujoco_warp", "warpcam": "ours", "newton": "newton", "mujoco_warp_pbr": "mujoco_warp_pbr"}
+PEERS = {
+    "mujoco_warp": "mujoco_warp",
+    "warpcam": "warpcam_renderer",
+    "newton": "newton",
+    "mujoco_warp_pbr": "mujoco_warp_pbr",
+}
 INSTALL = {name: name.replace("_", "-") for name in PEERS}
 INSTALL["mujoco_warp_pbr"] += " (Python 3.12 or newer)"
 
