@@ -150,7 +150,7 @@ PROGRAM = """
 import multiprocessing, sys, threading
 import warp as wp
 wp.config.log_level = wp.LOG_WARNING
-from warpcam import self_test
+from warpcam.tools import self_test
 
 def total(name):
     shot = self_test.shoot(wp.get_device(name))
@@ -161,10 +161,10 @@ def keep(name, totals):
     totals.append(total(name))
 
 def forever(name):
-    from warpcam.driven import DrivenScene
-    from warpcam.sources.graph_source import GraphSource
+    from warpcam.scene.file_scene import DrivenScene
+    from warpcam.sources.common.scene_graph_source import SceneGraphSource
     import warpcam as wc
-    scene = DrivenScene(GraphSource(self_test._graph(), 1, wp.get_device(name)))
+    scene = DrivenScene(SceneGraphSource(self_test._graph(), 1, wp.get_device(name)))
     camera = wc.Camera("eye", width=48, height=48, outputs=self_test.OUTPUTS, lens=wc.Pinhole(fovy=60.0),
                        position=(0.0, 0.0, 3.0), shadows=True)
     global renderer
