@@ -57,11 +57,11 @@ def direction(shape, metres):
         textured,
         setup=POSE.replace("TYPE", shape) + LAYOUT.replace("METRES", metres).replace("OWN", "0").replace("IMAGE", "1"),
         one=f"const SurfaceInteraction surface = surface_at<{kinds}>(pose, meshes, fields, 0, vec(0), vec(3));"
-        f"const auto at = map_cube<{kinds}>(pose, layout, surface); exact(at.direction); exact(at.scale);",
+        f"const CubeMapping at = map_cube<{kinds}>(pose, layout, surface); exact(at.direction); exact(at.scale);",
         eight=f"int faces[SIMD_WIDTH] {{}}; SurfaceInteraction8 surface;"
         f"surface.local = vec(0);"
         f"find_surface<{kinds}>(pose, meshes, fields, faces, vec(3), surface);"
-        f"const auto at = map_cube<{kinds}>(pose, layout, surface); exact(at.direction); exact(at.scale);",
+        f"Vec3x8 scale; exact(cube_directions<{kinds}>(pose, layout, surface, scale)); exact(scale);",
     )
 
 
@@ -86,17 +86,17 @@ TEXTURES = Family(
         "steps on surfaces": both(textured, "exact(slide(vec(24), vec(3), vec(12)));"),
         "faces of a cube": both(
             textured,
-            "const auto face = cube_face(vec(0)); exact(face);"
-            "exact(to_face(face, vec(3))); exact(from_face(face, vec(3)));",
+            "const auto face = {{cube_face|cube_faces}}(vec(0)); exact(face);"
+            "exact({{to_face|to_faces}}(face, vec(3))); exact({{from_face|from_faces}}(face, vec(3)));",
         ),
         "texels of a cube": both(
             textured,
-            "exact(cube_texel<{{Vec3|Vec3x8}}>({{9|(Int8)9}}, {{16|(Int8)16}}, to_int(in(6)),"
-            "to_int(8.0f + 8.5f * in(0)), to_int(8.0f + 8.5f * in(1))));",
+            "exact({{cube_texel|cube_texels}}({{9|(Int8)9}}, {{16|(Int8)16}}, {{(int)|to_int}}(in(6)),"
+            "{{(int)|to_int}}(8.0f + 8.5f * in(0)), {{(int)|to_int}}(8.0f + 8.5f * in(1))));",
         ),
         "level of detail": both(
             textured,
-            "close(level_of_detail(1e3f * in(21), 1e2f * in(22), 6));",
+            "close({{level_of_detail|levels_of_detail}}(1e3f * in(21), 1e2f * in(22), 6));",
             rtol=1e-6,
             atol=2e-6,
         ),

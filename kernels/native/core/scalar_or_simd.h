@@ -24,8 +24,6 @@ template <class Vector> WARPCAM_DEVICE Vector broadcast(Vec3 v)
 }
 
 WARPCAM_DEVICE bool any(bool truth) { return truth; }
-WARPCAM_DEVICE int to_int(float a) { return int(a); }  // towards 0
-WARPCAM_DEVICE float to_floats(int a) { return float(a); }
 WARPCAM_DEVICE Vec3 select(bool truth, Vec3 a, Vec3 b)
 {
     return { truth ? a.x : b.x, truth ? a.y : b.y, truth ? a.z : b.z };

@@ -18,9 +18,9 @@ struct Mapping {
 };
 
 // A direction into a cube texture.
-template <class Vector> struct CubeMapping {
-    Vector direction;
-    Vector scale;  // change of `direction` with the place in the shape's frame, axis by axis [1/m]
+struct CubeMapping {
+    Vec3 direction;
+    Vec3 scale;  // change of `direction` with the place in the shape's frame, axis by axis [1/m]
 };
 
 // Maps u once around the z axis from +x and v to `top` - elevation * `scale`, on an ellipsoid of half axes `half`; with
@@ -107,9 +107,8 @@ WARPCAM_DEVICE void repeat(const TextureLayout& layout, float offset, Mapping& m
 }
 
 // Not of planes.
-template <int TYPES, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose,
-                                                                 const TextureLayout& layout, const Meshes& meshes,
-                                                                 const SurfaceInteraction& surface)
+template <int TYPES, class Meshes>
+WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface)
 {
     const int type = pose.type(), part = surface.part;
     const Vec3 half = as_vec3(layout.extent), local = surface.local;
@@ -174,12 +173,12 @@ struct Footprint {
 };
 
 // `step` carried along `ray` into the plane of `normal`: how far the hit moves from pixel to pixel.
-template <class Vector> WARPCAM_DEVICE Vector slide(Vector step, Vector ray, Vector normal)
+WARPCAM_DEVICE Vec3 slide(Vec3 step, Vec3 ray, Vec3 normal)
 {
-    using Number = NumberOf<Vector>;
-    const Number slope = dot(normal, ray), one = 1.0f, far = 1.0e6f;
-    const MaskOf<Vector> grazes = slope * slope < 1.0e-24f * dot(ray, ray);
-    return select(grazes, far * step, step - dot(normal, step) * rcp(grazes ? one : slope) * ray);
+    const float slope = dot(normal, ray);
+    if (slope * slope < 1.0e-24f * dot(ray, ray))
+        return 1.0e6f * step;
+    return step - dot(normal, step) * rcp(slope) * ray;
 }
 
 // `right` and `down` are steps of the hit, in the shape's frame.
@@ -191,8 +190,8 @@ WARPCAM_DEVICE Footprint footprint_of(const Mapping& mapping, Vec3 right, Vec3 d
 
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
 template <int TYPES, class Meshes>
-WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
-                                      const SurfaceInteraction& surface, Vec3 ray, Vec3 right, Vec3 down)
+WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface,
+                                  Vec3 ray, Vec3 right, Vec3 down)
 {
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // floors fill images
         const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = rcp(ray.z);
@@ -218,27 +217,21 @@ template <int TYPES> WARPCAM_DEVICE bool is_blended(const ShapeFromCamera& pose,
     return (TYPES >> TRIPLANAR & 1) && pose.type() != PLANE && !layout.own;
 }
 
-template <int TYPES, class Vector>
-WARPCAM_DEVICE CubeMapping<Vector> map_cube(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                            const SurfaceInteractionOf<Vector>& surface)
+template <int TYPES>
+WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction& surface)
 {
     const int type = pose.type();
     const Vec3 half = as_vec3(layout.extent);
-    Vector place = surface.local;
-    Vec3 rates { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
+    Vec3 place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
-        rates = { rcp(half.x), rcp(half.y), rcp(half.z) };
-    Vector scale = broadcast<Vector>(rates);
-    if ((TYPES >> CAPSULE & 1) && type == CAPSULE) {
+        scale = { rcp(half.x), rcp(half.y), rcp(half.z) };
+    if ((TYPES >> CAPSULE & 1) && type == CAPSULE && surface.part != SIDE) {
         // Each cap is a unit sphere whose middle is one above or below the origin.
-        const MaskOf<Vector> side = surface.part == int(SIDE);
-        const NumberOf<Vector> aside = half.x - half.z, none = 0.0f;
-        scale.z = side ? scale.z : scale.x;
-        scale.y = side ? scale.y : scale.x;
-        place.z += side ? none : surface.part == int(BOTTOM) ? -aside : aside;
+        scale = { scale.x, scale.x, scale.x };
+        place.z += (surface.part == BOTTOM ? -1.0f : 1.0f) * (half.x - half.z);
     }
     if (layout.extent.w)
-        scale = mul(scale, broadcast<Vector>(half));
+        scale = mul(scale, half);
     return { mul(place, scale), scale };
 }
 

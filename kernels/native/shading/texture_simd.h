@@ -28,6 +28,13 @@ struct Levels {
     }
 };
 
+inline Float8 levels_of_detail(Float8 right, Float8 down, int levels)
+{
+    const Float8 longer = max(right, down), most = 1.0e30f;
+    const Float8 level = min(0.5f * log2(min(max(longer, (Float8)1.0f), most)), (Float8)float(levels - 1));
+    return longer > 1.0f ? level : (Float8)0.0f;
+}
+
 inline void add_texels(Int8 texel, Float8 weight, Vec3x8& sum)
 {
     sum.x += weight * to_floats(texel & 0xff);
@@ -96,9 +103,49 @@ inline Vec3x8 sample_2d(const unsigned* texels, const Levels& levels, const Foot
 {
     const Float8 right_u = at.right_u * levels.columns, right_v = at.right_v * levels.rows;
     const Float8 down_u = at.down_u * levels.columns, down_v = at.down_v * levels.rows;
-    const Float8 detail = level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
+    const Float8 detail = levels_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
                                            levels.count);
     return sample_levels(texels, levels, detail, at.u, at.v);
+}
+
+inline Int8 cube_faces(Vec3x8 v)
+{
+    const Float8 x = abs(v.x), y = abs(v.y), z = abs(v.z), none = 0.0f;
+    const Int8 first = (x >= y) & (x >= z), second = y >= z;
+    const Float8 along = first ? v.x : second ? v.y : v.z;
+    return (first ? (Int8)0 : second ? (Int8)2 : (Int8)4) + (along < none ? (Int8)1 : (Int8)0);
+}
+
+inline Vec3x8 to_faces(Int8 face, Vec3x8 v)
+{
+    const Int8 first = face < 2, second = face < 4;
+    const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
+    return { first ? -turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
+             turn * (first ? v.x : second ? v.y : v.z) };
+}
+
+inline Vec3x8 from_faces(Int8 face, Vec3x8 v)
+{
+    const Int8 first = face < 2, second = face < 4;
+    const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
+    return { first ? turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
+             first ? -turn * v.x : turn * (second ? v.y : v.z) };
+}
+
+// A texel of the face, or of the one that it lies on beyond the edge.
+inline Int8 cube_texels(Int8 start, Int8 size, Int8 face, Int8 i, Int8 j)
+{
+    const Int8 beyond = (i < 0) | (j < 0) | (i >= size) | (j >= size);
+    const Float8 half = 0.5f * to_floats(size), rate = rcp(half), one = 1.0f;
+    const Vec3x8 direction =
+        from_faces(face, { (to_floats(i) + 0.5f) * rate - 1.0f, (to_floats(j) + 0.5f) * rate - 1.0f, one });
+    const Int8 other = cube_faces(direction);
+    const Vec3x8 place = to_faces(other, direction);
+    const Float8 outwards = rcp(place.z);
+    i = beyond ? to_int((place.x * outwards + 1.0f) * half) : i;
+    j = beyond ? to_int((place.y * outwards + 1.0f) * half) : j;
+    face = beyond ? other : face;
+    return start + (face * size + clamp(j, (Int8)0, size - 1)) * size + clamp(i, (Int8)0, size - 1);
 }
 
 inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Int8 step, Int8 face, Float8 s, Float8 t,
@@ -112,16 +159,24 @@ inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Int8
     const bool beyond = any((i < 0) | (j < 0) | (i + 1 >= size) | (j + 1 >= size));
     if (beyond)
         for (int k = 0; k < 4; ++k)
-            quad[k] = cube_texel<Vec3x8>(start, size, face, i + (k & 1), j + (k >> 1));
+            quad[k] = cube_texels(start, size, face, i + (k & 1), j + (k >> 1));
     add_quads(texels, quad, !beyond, x - whole_x, y - whole_y, total, sum);
 }
 
 static WARPCAM_NOINLINE void sample_cubes(const unsigned* texels, const Levels& levels, const Vec3x8& direction,
                                       const Vec3x8& right, const Vec3x8& down, Vec3x8& color)
 {
-    const OnCube<Vec3x8> on_face = on_cube(levels.columns, levels.count, direction, right, down);
-    const Int8 step = to_int(on_face.detail), face = on_face.face;
-    const Float8 on = on_face.detail - to_floats(step), s = on_face.s, t = on_face.t;
+    const Int8 face = cube_faces(direction);
+    const Vec3x8 place = to_faces(face, direction), to_right = to_faces(face, right), to_below = to_faces(face, down);
+    const Float8 rate = rcp(max(place.z, (Float8)1.0e-20f)), scale = 0.5f * levels.columns * rate;
+    const Float8 x = place.x * rate, y = place.y * rate;
+    const Float8 right_x = scale * (to_right.x - x * to_right.z), right_y = scale * (to_right.y - y * to_right.z);
+    const Float8 down_x = scale * (to_below.x - x * to_below.z), down_y = scale * (to_below.y - y * to_below.z);
+    const Float8 detail = levels_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
+                                           levels.count);
+    const Float8 s = saturate(0.5f * x + 0.5f), t = saturate(0.5f * y + 0.5f);
+    const Int8 step = to_int(detail);
+    const Float8 on = detail - to_floats(step);
     Vec3x8 sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
     add_bilinear_cube(texels, levels, step, face, s, t, 1.0f - on, sum);
     if (any(on > 0.0f))
@@ -129,12 +184,19 @@ static WARPCAM_NOINLINE void sample_cubes(const unsigned* texels, const Levels& 
     color = (Float8)(1.0f / 255.0f) * sum;
 }
 
+inline Vec3x8 slide(Vec3x8 step, Vec3x8 ray, Vec3x8 normal)
+{
+    const Float8 slope = dot(normal, ray);
+    const Int8 grazes = slope * slope < 1.0e-24f * dot(ray, ray);
+    const Float8 part = dot(normal, step) * rcp(grazes ? (Float8)1.0f : slope);
+    return select(grazes, (Float8)1.0e6f * step, step - part * ray);
+}
+
 // One hit at a time.
 template <int TYPES, class Meshes>
-static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                              const Meshes& meshes, const SurfaceInteraction8& surface,
-                                              const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
-                                              Footprints& at)
+static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
+                                          const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
+                                          Footprints& at)
 {
     for (int k = 0; k < SIMD_WIDTH; ++k) {
         const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
@@ -150,8 +212,8 @@ static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const
 
 // Laid along the x axis where `first`, along z where not `upright`, else along y; `right` and `down` are steps of the
 // hits.
-inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layout, const Vec3x8& local,
-                             const Vec3x8& right, const Vec3x8& down, Footprints& at)
+inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layout, const Vec3x8& local, const Vec3x8& right,
+                             const Vec3x8& down, Footprints& at)
 {
     const float rate_u = layout.repeat[0], rate_v = -layout.repeat[1];
     const auto along_u = [&](const Vec3x8& v) { return rate_u * (first ? v.y : v.x); };
@@ -159,10 +221,9 @@ inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layo
     at = { along_u(local), 1.0f + along_v(local), along_u(right), along_v(right), along_u(down), along_v(down) };
 }
 
-template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                                             const Meshes& meshes, const SurfaceInteraction8& surface,
-                                                             const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
-                                                             Footprints& at)
+template <int TYPES, class Meshes>
+inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction8& surface,
+                          const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down, Footprints& at)
 {
     constexpr int OTHERS = TYPES & ~(1 << PLANE | 1 << HEIGHT_FIELD);
     if constexpr ((TYPES >> PLANE & 1) != 0) {
@@ -202,12 +263,33 @@ template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCame
         other_footprints<OTHERS>(pose, layout, meshes, surface, ray, right, down, at);
 }
 
+template <int TYPES>
+inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction8& surface, Vec3x8& scale)
+{
+    const int type = pose.type();
+    const Vec3 half = as_vec3(layout.extent);
+    Vec3x8 place = surface.local;
+    Vec3 rates { 1.0f, 1.0f, 1.0f };
+    if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
+        rates = { rcp(half.x), rcp(half.y), rcp(half.z) };
+    scale = broadcast(rates);
+    if ((TYPES >> CAPSULE & 1) && type == CAPSULE) {
+        const Int8 side = surface.part == int(SIDE);
+        scale.z = side ? scale.z : scale.x;
+        scale.y = side ? scale.y : scale.x;
+        const Float8 aside = half.x - half.z;
+        place.z += side ? (Float8)0.0f : surface.part == int(BOTTOM) ? -aside : aside;
+    }
+    if (layout.extent.w)
+        scale = mul(scale, broadcast(half));
+    return mul(place, scale);
+}
+
 // The texture's colours at packets of hits. `steps(n, right, down)` says how far it is to what the next pixels show.
 template <int TYPES, class Appearances, class Meshes, class Textures, class Steps>
 WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const Levels& levels, const Meshes& meshes,
-                                                const Textures& textures, const Steps& steps,
-                                                const SurfaceInteraction8* surfaces, const Vec3x8* rays, int packets,
-                                                Vec3x8* colors)
+                                         const Textures& textures, const Steps& steps, const SurfaceInteraction8* surfaces,
+                                         const Vec3x8* rays, int packets, Vec3x8* colors)
 {
     const TextureLayout& layout = look.layout;
     const ShapeFromCamera& pose = look.pose;
@@ -216,10 +298,10 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
         Vec3x8 right, down;
         steps(n, right, down);
         if (layout.cube) {
-            const CubeMapping<Vec3x8> at = map_cube<TYPES>(pose, layout, surfaces[n]);
-            sample_cubes(textures.texels.data, levels, at.direction,
-                         mul(at.scale, slide(right, ray, surfaces[n].normal)),
-                         mul(at.scale, slide(down, ray, surfaces[n].normal)), colors[n]);
+            Vec3x8 scale;
+            const Vec3x8 direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
+            sample_cubes(textures.texels.data, levels, direction, mul(scale, slide(right, ray, surfaces[n].normal)),
+                         mul(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
             continue;
         }
         Footprints at;
@@ -232,8 +314,7 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
         };
         if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
             if (is_blended<TYPES>(pose, layout)) {
-                const Vec3x8 along = slide(right, ray, surfaces[n].normal),
-                             below = slide(down, ray, surfaces[n].normal);
+                const Vec3x8 along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
                 Vec3x8 share, sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
                     const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, get_lane(surfaces[n], k)));

@@ -3,7 +3,7 @@
 // Filtering is trilinear: bilinear in the two mipmap levels around log2 of the footprint's longer side, as OpenGL's
 // LINEAR_MIPMAP_LINEAR. 2-D textures repeat; a cube's faces are joined along their edges.
 #pragma once
-#include "core/scalar_or_simd.h"
+#include "core/vec3.h"
 
 namespace warpcam {
 
@@ -63,13 +63,12 @@ WARPCAM_DEVICE Vec3 to_color(const Blend& blend)
 constexpr float WHOLE_NUMBERS = 8388608.0f;
 
 // Mipmap level, 0 to `levels - 1`, for squares of the steps in texels to the next pixel right and down.
-template <class Number> WARPCAM_DEVICE Number level_of_detail(Number right, Number down, int levels)
+WARPCAM_DEVICE float level_of_detail(float right, float down, int levels)
 {
-    const Number longer = max(right, down), most = float(levels - 1), none = 0.0f;
-    const auto beyond = longer > 1.0f;  // NaN is not
-    if (!any(beyond))
-        return none;
-    return beyond ? min(0.5f * log2(min(longer, 1.0e30f)), most) : none;
+    const float longer = max(right, down);
+    if (!(longer > 1.0f))  // NaN too
+        return 0.0f;
+    return min(0.5f * log2(min(longer, 1.0e30f)), float(levels - 1));
 }
 
 // One level of a texture; of a cube, its faces' side.
@@ -139,8 +138,7 @@ WARPCAM_DEVICE void add_quad(const unsigned* texels, const int* quad, const Betw
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total,
-                                 Blend& blend)
+WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total, Blend& blend)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int left = first_or_last(x.first, level.width), right = x.first + 1 >= level.width ? 0 : x.first + 1;
@@ -236,8 +234,7 @@ WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
 #if defined(__CUDA_ARCH__)
 // Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
 // rounds how far a place is from a texel to 1/256.
-WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u,
-                                 float v, float on)
+WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u, float v, float on)
 {
     u = fraction(u);
     v = fraction(v);
@@ -249,8 +246,7 @@ WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near
 
 #if defined(__CUDA_ARCH__)
 // As sample_2d(), from a sheet.
-WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right,
-                                    Float2 down)
+WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right, Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,
@@ -283,99 +279,96 @@ WARPCAM_DEVICE Vec3 sample_2d(const unsigned* texels, const Image& image, float 
 }
 
 // The face of the cube that `v` points at: 0 to 5 for +x -x +y -y +z -z.
-template <class Vector> WARPCAM_DEVICE IntOf<Vector> cube_face(Vector v)
+WARPCAM_DEVICE int cube_face(Vec3 v)
 {
-    using Int = IntOf<Vector>;
-    const NumberOf<Vector> x = abs(v.x), y = abs(v.y), z = abs(v.z);
-    const MaskOf<Vector> first = (x >= y) & (x >= z), second = y >= z;
-    const NumberOf<Vector> along = first ? v.x : second ? v.y : v.z;
-    return (first ? (Int)0 : second ? (Int)2 : (Int)4) + (along < 0.0f ? (Int)1 : (Int)0);
+    const float x = abs(v.x), y = abs(v.y), z = abs(v.z);
+    if (x >= y && x >= z)
+        return v.x < 0.0f ? 1 : 0;
+    if (y >= z)
+        return v.y < 0.0f ? 3 : 2;
+    return v.z < 0.0f ? 5 : 4;
 }
 
 // `v` in a face's own axes: right and down in its image, and outwards. The faces' axes are OpenGL's.
-template <class Vector> WARPCAM_DEVICE Vector to_face(IntOf<Vector> face, Vector v)
+WARPCAM_DEVICE Vec3 to_face(int face, Vec3 v)
 {
-    const NumberOf<Vector> turn = (face & 1) != 0 ? (NumberOf<Vector>)-1.0f : (NumberOf<Vector>)1.0f;
-    const MaskOf<Vector> first = face < 2, second = face < 4, upright = second & !first;
-    return { first ? -turn * v.z : second ? v.x : turn * v.x, upright ? turn * v.z : -v.y,
-             turn * (first ? v.x : second ? v.y : v.z) };
+    const float turn = face & 1 ? -1.0f : 1.0f;
+    if (face < 2)
+        return { -turn * v.z, -v.y, turn * v.x };
+    if (face < 4)
+        return { v.x, turn * v.z, turn * v.y };
+    return { turn * v.x, -v.y, turn * v.z };
 }
 
 // The inverse of `to_face`.
-template <class Vector> WARPCAM_DEVICE Vector from_face(IntOf<Vector> face, Vector v)
+WARPCAM_DEVICE Vec3 from_face(int face, Vec3 v)
 {
-    const NumberOf<Vector> turn = (face & 1) != 0 ? (NumberOf<Vector>)-1.0f : (NumberOf<Vector>)1.0f;
-    const MaskOf<Vector> first = face < 2, second = face < 4, upright = second & !first;
-    return { first ? turn * v.z : second ? v.x : turn * v.x, upright ? turn * v.z : -v.y,
-             first ? -turn * v.x : turn * (second ? v.y : v.z) };
+    const float turn = face & 1 ? -1.0f : 1.0f;
+    if (face < 2)
+        return { turn * v.z, -v.y, -turn * v.x };
+    if (face < 4)
+        return { v.x, turn * v.z, turn * v.y };
+    return { turn * v.x, -v.y, turn * v.z };
 }
 
 // A texel of a cube, up to one beyond the face's edge: then the one there on the neighbouring face.
-template <class Vector, class Int = IntOf<Vector>>
-static WARPCAM_NOINLINE Int cube_texel(Int start, Int size, Int face, Int i, Int j)
+static WARPCAM_NOINLINE int cube_texel(int start, int size, int face, int i, int j)
 {
-    using Number = NumberOf<Vector>;
-    const MaskOf<Vector> beyond = (i < 0) | (j < 0) | (i >= size) | (j >= size);
-    if (any(beyond)) {
-        const Number half = 0.5f * to_floats(size), rate = rcp(half), one = 1.0f;
-        const Number right = (to_floats(i) + 0.5f) * rate - 1.0f, down = (to_floats(j) + 0.5f) * rate - 1.0f;
-        const Vector direction = from_face(face, Vector { right, down, one });
-        const Int other = cube_face(direction);
-        const Vector place = to_face(other, direction);
-        const Number outwards = rcp(place.z);
-        i = beyond ? to_int((place.x * outwards + 1.0f) * half) : i;
-        j = beyond ? to_int((place.y * outwards + 1.0f) * half) : j;
-        face = beyond ? other : face;
+    if (i < 0 || j < 0 || i >= size || j >= size) {
+        const float half = 0.5f * float(size), rate = rcp(half);
+        const float right = (float(i) + 0.5f) * rate - 1.0f, down = (float(j) + 0.5f) * rate - 1.0f;
+        const Vec3 direction = from_face(face, { right, down, 1.0f });
+        face = cube_face(direction);
+        const Vec3 place = to_face(face, direction);
+        const float outwards = rcp(place.z);
+        i = int((place.x * outwards + 1.0f) * half);
+        j = int((place.y * outwards + 1.0f) * half);
     }
-    return start + (face * size + clamp(j, (Int)0, size - 1)) * size + clamp(i, (Int)0, size - 1);
+    return start + (face * size + clamp(j, 0, size - 1)) * size + clamp(i, 0, size - 1);
 }
 
 // Adds the colour at (s, t) in [0, 1] of a face.
-WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t,
-                                      float total, Blend& blend)
+WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float total,
+                                  Blend& blend)
 {
     const int size = level.width;
     const Between x = between_texels(s, size), y = between_texels(t, size);
     const int corner = level.start + (face * size + y.first) * size + x.first;
     int quad[4] = { corner, corner + 1, corner + size, corner + size + 1 };
     if (x.first < 0 || y.first < 0 || x.first + 1 >= size || y.first + 1 >= size) {
-        quad[0] = cube_texel<Vec3>(level.start, size, face, x.first, y.first);
-        quad[1] = cube_texel<Vec3>(level.start, size, face, x.first + 1, y.first);
-        quad[2] = cube_texel<Vec3>(level.start, size, face, x.first, y.first + 1);
-        quad[3] = cube_texel<Vec3>(level.start, size, face, x.first + 1, y.first + 1);
+        quad[0] = cube_texel(level.start, size, face, x.first, y.first);
+        quad[1] = cube_texel(level.start, size, face, x.first + 1, y.first);
+        quad[2] = cube_texel(level.start, size, face, x.first, y.first + 1);
+        quad[3] = cube_texel(level.start, size, face, x.first + 1, y.first + 1);
     }
     add_quad(texels, quad, x, y, total, blend);
 }
 
 // Where a direction meets a cube: the face, the place on it in [0, 1], and the mipmap level.
-template <class Vector> struct OnCube {
-    IntOf<Vector> face;
-    NumberOf<Vector> s, t, detail;
+struct OnCube {
+    int face;
+    float s, t, detail;
 };
 
-// `size`: of a face of the first of so many levels [texels].
-template <class Vector>
-WARPCAM_DEVICE OnCube<Vector> on_cube(NumberOf<Vector> size, int levels, Vector direction, Vector right, Vector down)
+WARPCAM_DEVICE OnCube on_cube(const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
-    using Number = NumberOf<Vector>;
-    const IntOf<Vector> face = cube_face(direction);
-    const Vector place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
-    const Number rate = rcp(max(place.z, 1.0e-20f)), scale = 0.5f * size * rate;
-    const Number x = place.x * rate, y = place.y * rate;
-    const Number right_x = scale * (step_right.x - x * step_right.z);
-    const Number right_y = scale * (step_right.y - y * step_right.z);
-    const Number down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
-    const Number detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
-                                          levels);
+    const int face = cube_face(direction), size = image.width;
+    const Vec3 place = to_face(face, direction), step_right = to_face(face, right), step_down = to_face(face, down);
+    const float rate = rcp(max(place.z, 1.0e-20f)), scale = 0.5f * float(size) * rate;
+    const float x = place.x * rate, y = place.y * rate;
+    const float right_x = scale * (step_right.x - x * step_right.z);
+    const float right_y = scale * (step_right.y - y * step_right.z);
+    const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
+    const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
+                                         image.levels);
     return { face, saturate(0.5f * x + 0.5f), saturate(0.5f * y + 0.5f), detail };
 }
 
 // Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
 // `direction` from this pixel to the next on the right and to the next below.
-static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& image, Vec3 direction, Vec3 right,
-                                         Vec3 down)
+static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
-    const OnCube<Vec3> on = on_cube(float(image.width), image.levels, direction, right, down);
+    const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
     const float coarse = float(WHOLE) * (on.detail - float(steps));
     const Level level = Level { image.start, image.width, image.width }.after(steps, 6);
@@ -388,10 +381,9 @@ static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& im
 
 #if defined(__CUDA_ARCH__)
 // The same, from a sheet.
-WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right,
-                                      Vec3 down)
+WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
 {
-    const OnCube<Vec3> on = on_cube(float(image.width), image.levels, direction, right, down);
+    const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
     const Float3Int near = level_of_cube_on_sheet(image.width, steps);
     const Float3Int far = level_of_cube_on_sheet(image.width, min(steps + 1, image.levels - 1));
