@@ -127,7 +127,7 @@ class MaterialReader:
     def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
         """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
         base = self._graph.materials[look]
-        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "glow", "opacity_map")}
+        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "emission_texture", "opacity_map")}
         if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
             return look, uvs
         flat = uvs.reshape(-1, 2)
@@ -141,7 +141,7 @@ class MaterialReader:
                 done = wrapped(self._graph.textures[index].pixels, base.wrap, low, high) if index >= 0 else None
                 if done is not None:
                     own = f"{self._graph.texture_names[index]} {base.wrap}"
-                    others[name] = self._add_texture(own, done[0], color=name in ("texture", "glow"))
+                    others[name] = self._add_texture(own, done[0], color=name in ("texture", "emission_texture"))
                     scale, offset = done[1], done[2]
             if others:
                 self._graph.materials.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
