@@ -23,8 +23,7 @@ WARPCAM_DEVICE float red_at(const unsigned* texels, int width, int height, float
 
 // Tests whether a face of a mesh is present at `place`, in the mesh's frame. `cut`: only maps whose threshold is above
 // LEAST_SEEN count.
-template <class Meshes>
-WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int mesh, int face, Vec3 place, bool cut)
+template <class Meshes> WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int mesh, int face, Vec3 place, bool cut)
 {
     const Float3Int mask = load(meshes.masks.data, mesh);
     const int start = as_int(mask.x), width = as_int(mask.y), height = as_int(mask.z);

@@ -71,14 +71,8 @@ constexpr bool by_child(int types) { return types >> DEFORMING_MESHES & 1; }
 
 // The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative
 // ones, which are below all others in no order of their own.
-WARPCAM_DEVICE float greatest(float a, float b, float c)
-{
-    return as_float(max(max(as_int(a), as_int(b)), as_int(c)));
-}
-WARPCAM_DEVICE float least(float a, float b, float c)
-{
-    return as_float(min(min(as_int(a), as_int(b)), as_int(c)));
-}
+WARPCAM_DEVICE float greatest(float a, float b, float c) { return as_float(max(max(as_int(a), as_int(b)), as_int(c))); }
+WARPCAM_DEVICE float least(float a, float b, float c) { return as_float(min(min(as_int(a), as_int(b)), as_int(c))); }
 
 // A ray as the nodes of one mesh see it.
 template <bool BY_CHILD> struct NodeRay {
@@ -90,7 +84,7 @@ template <bool BY_CHILD> struct NodeRay {
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
     WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
-                         int (&child)[4]) const
+                             int (&child)[4]) const
     {
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
@@ -146,11 +140,11 @@ template <> struct NodeRay<false> {
 
     // Tests the four children likewise; `near` is not negative.
     WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
-                         int (&child)[4]) const
+                             int (&child)[4]) const
     {
         const unsigned x = ways, y = ways >> 16, z = way_z;
         const Float3Int planes_x = load(rows, 0), planes_y = load(rows, 1), planes_z = load(rows, 2),
-                  children = load(rows, 3);
+                        children = load(rows, 3);
         float tx[4], ty[4], tz[4];
         mul(planes_x, x, scale.x, in.x, tx);
         mul(planes_y, y, scale.y, in.y, ty);
@@ -171,10 +165,11 @@ template <> struct NodeRay<false> {
     }
 };
 
-template <int TYPES, class Meshes> WARPCAM_DEVICE const Float3Int* node_rows(const Meshes& meshes, unsigned nodes, int node)
+template <int TYPES, class Meshes>
+WARPCAM_DEVICE const Float3Int* node_rows(const Meshes& meshes, unsigned nodes, int node)
 {
     return reinterpret_cast<const Float3Int*>(meshes.nodes.data)
-        + (nodes + unsigned(node * NodeRay<by_child(TYPES)>::ROWS));
+           + (nodes + unsigned(node * NodeRay<by_child(TYPES)>::ROWS));
 }
 
 #endif

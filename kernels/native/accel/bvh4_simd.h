@@ -78,9 +78,9 @@ inline Float8 edges(const Corners& a, const Corners& b)
 // Sides of faces that a ray intersects: fronts; also backs of faces that have a back; or both sides of all faces.
 enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 
-template <int TYPES, bool ANY>
-constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
-    : TYPES >> TWO_SIDED & 1 ? FRONTS_AND_MARKED : FRONTS;
+template <int TYPES, bool ANY> constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
+                                                          : TYPES >> TWO_SIDED & 1            ? FRONTS_AND_MARKED
+                                                                                              : FRONTS;
 
 // Rays at one mesh, by number.
 struct MeshRays {
@@ -89,7 +89,8 @@ struct MeshRays {
     static constexpr int INTERLEAVED_RAYS = 4;  // so many rays are enough to walk side by side
 
     const float *nodes, *faces;
-    float scale[3][WARP_SIZE], in[3][WARP_SIZE], out[3][WARP_SIZE];  // see Slabs; which of a box's planes is met first is known
+    float scale[3][WARP_SIZE], in[3][WARP_SIZE],
+        out[3][WARP_SIZE];  // see Slabs; which of a box's planes is met first is known
     int first[3][WARP_SIZE];                                 // rows from a node's lower planes to these
     float frame[12][WARP_SIZE];                              // see RayFrame
     float near[WARP_SIZE], depth[WARP_SIZE];
@@ -101,7 +102,7 @@ struct MeshRays {
     int walking[WARP_SIZE + 1], at_leaf[WARP_SIZE + 1];  // rays whose next is a node, or a leaf
     int num_walking, num_at_leaf;
 
-    MeshRays(const float* nodes, const float* faces): nodes(nodes), faces(faces), num_walking(0), num_at_leaf(0) { }
+    MeshRays(const float* nodes, const float* faces) : nodes(nodes), faces(faces), num_walking(0), num_at_leaf(0) {}
 
     void put(int ray, const Slabs& s, const RayFrame& f, float from, float to)
     {
@@ -166,8 +167,8 @@ struct MeshRays {
             return muladd4(load_float4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
         };
         const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
-        const Float4 enter = upper4(upper4(planes(0, x, in), planes(1, y, in)),
-                                    upper4(planes(2, z, in), (Float4)near[ray]));
+        const Float4 enter =
+            upper4(upper4(planes(0, x, in), planes(1, y, in)), upper4(planes(2, z, in), (Float4)near[ray]));
         const Float4 leave = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
                                     lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
         const Int4 met = enter <= leave;

@@ -49,10 +49,7 @@ struct Axis {
     }
     WARPCAM_DEVICE float leaves(float line) const { return fma(line, wait, offset); }
     // The cell at t; past every cell that the ray has left by then.
-    WARPCAM_DEVICE int cell(float t) const
-    {
-        return min(whole_below(fma(t, speed, ahead)), as_int(INDEX_BASE + last));
-    }
+    WARPCAM_DEVICE int cell(float t) const { return min(whole_below(fma(t, speed, ahead)), as_int(INDEX_BASE + last)); }
     // Place at t in the unmirrored cell, from 0 to 1.
     WARPCAM_DEVICE float place(float t, int code) const
     {
@@ -67,8 +64,8 @@ struct Axis {
 // The ray takes along from cell to cell whether it is above ground, and hits where it is so no longer: however the
 // borders of cells are rounded, it cannot slip through between them.
 template <class HeightFields, class RayOf>
-WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRecord& record, const RayOf& source, float near,
-                                  Hit& hit)
+WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRecord& record, const RayOf& source,
+                                      float near, Hit& hit)
 {
     const Float3Int scale = load(fields.grids.data, 2 * record.axis_z.w);
     const Float3Int grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
@@ -145,8 +142,8 @@ WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRec
             above = gap_begin > 0.0f;
             // Entry through the base is asked by the same expression as above, so that no ray is lost between base and
             // side.
-            const bool over_base = d.z > 0.0f ? !((-base - o.z) * rcp(avoid_zero(d.z)) > enter)
-                                              : fma(begin, d.z, o.z) >= -base;
+            const bool over_base =
+                d.z > 0.0f ? !((-base - o.z) * rcp(avoid_zero(d.z)) > enter) : fma(begin, d.z, o.z) >= -base;
             if (!above && begin == enter && enter > near && over_base) {  // at a side
                 hit.depth = begin;
                 hit.shape = record.axis_y.w;
@@ -177,7 +174,8 @@ WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRec
 }
 
 // Tests whether a point, in the field's frame, is inside the ground: not above its top, beside it, or below its base.
-template <class HeightFields> WARPCAM_DEVICE bool in_ground(const HeightFields& fields, const ShapeRecord& record, Vec3 place)
+template <class HeightFields>
+WARPCAM_DEVICE bool in_ground(const HeightFields& fields, const ShapeRecord& record, Vec3 place)
 {
     const Float3Int scale = load(fields.grids.data, 2 * record.axis_z.w);
     const Float3Int grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
@@ -195,11 +193,11 @@ template <class HeightFields> WARPCAM_DEVICE bool in_ground(const HeightFields& 
 
 // Tests whether a ray that starts inside the ground, at `near`, leaves it before `far`. The walk finds front faces
 // only.
-template <class HeightFields>
-WARPCAM_DEVICE bool comes_out(const HeightFields& fields, const ShapeRecord& record, const Ray& ray, float near, float far)
+template <class HeightFields> WARPCAM_DEVICE bool comes_out(const HeightFields& fields, const ShapeRecord& record,
+                                                            const Ray& ray, float near, float far)
 {
     return in_ground(fields, record, ray.origin + near * ray.direction)
-        && !in_ground(fields, record, ray.origin + far * ray.direction);
+           && !in_ground(fields, record, ray.origin + far * ray.direction);
 }
 
 }  // namespace warpcam

@@ -57,8 +57,9 @@ struct PacketHit {
 };
 
 // Walks a height field with a packet of rays; comments in walk_height_field() apply.
-template <class HeightFields> WARPCAM_NOINLINE_CPU inline void walk_packet(const HeightFields& fields, const ShapeRecord& record,
-                                                                    const RayPacket& ray, Float8 near, PacketHit& hit)
+template <class HeightFields>
+WARPCAM_NOINLINE_CPU inline void walk_packet(const HeightFields& fields, const ShapeRecord& record,
+                                             const RayPacket& ray, Float8 near, PacketHit& hit)
 {
     const Float3Int scale = load(fields.grids.data, 2 * record.axis_z.w);
     const Float3Int grid = load(fields.grids.data, 2 * record.axis_z.w + 1);
@@ -177,11 +178,15 @@ inline void trace_height_field(const HeightFields& fields, const ShapeRecord& re
         __builtin_memcpy(&hit.depth, rays.depth + lane, sizeof hit.depth);
         const Float8 across_x = ax.x * x + ax.y * y, across_y = ay.x * x + ay.y * y, across_z = az.x * x + az.y * y;
         RayPacket ray = LENS == ORTHOGRAPHIC
-            ? RayPacket { o.x + across_x, o.y + across_y, o.z + across_z, -ax.z, -ay.z, -az.z }
-            : RayPacket { o.x, o.y, o.z, across_x - ax.z, across_y - ay.z, across_z - az.z };
+                            ? RayPacket { o.x + across_x, o.y + across_y, o.z + across_z, -ax.z, -ay.z, -az.z }
+                            : RayPacket { o.x, o.y, o.z, across_x - ax.z, across_y - ay.z, across_z - az.z };
         if constexpr (LENS == RAYS) {
             const Float8 rate = 2.0f / (1.0f + x * x + y * y), back = 1.0f - rate;
-            ray = { o.x, o.y, o.z, rate * across_x + back * ax.z, rate * across_y + back * ay.z,
+            ray = { o.x,
+                    o.y,
+                    o.z,
+                    rate * across_x + back * ax.z,
+                    rate * across_y + back * ay.z,
                     rate * across_z + back * az.z };
         }
         if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)

@@ -34,8 +34,8 @@ WARPCAM_DEVICE void put_half(const Array& nodes, int row, int child, int code, c
 {
     const bool there = box.low.x <= box.high.x;
     const Vec3 at = half ? box.high : box.low;
-    reinterpret_cast<float4*>(nodes.data)[row + 2 * child + half] = make_float4(
-        there ? at.x : ABSENT, there ? at.y : ABSENT, there ? at.z : ABSENT, half ? 0.0f : as_float(code));
+    reinterpret_cast<float4*>(nodes.data)[row + 2 * child + half] =
+        make_float4(there ? at.x : ABSENT, there ? at.y : ABSENT, there ? at.z : ABSENT, half ? 0.0f : as_float(code));
 }
 
 #endif
@@ -58,8 +58,8 @@ template <class Array> WARPCAM_DEVICE void put_box(const Array& nodes, int row, 
 
 // Writes a corner of a face, at its place among the rows; where it is now.
 template <class Moving, class Meshes, class Points>
-WARPCAM_DEVICE Vec3 move_corner(const Moving& moving, const Meshes& meshes, const Points& points, int base, int face, int at,
-                           int k)
+WARPCAM_DEVICE Vec3 move_corner(const Moving& moving, const Meshes& meshes, const Points& points, int base, int face,
+                                int at, int k)
 {
     const Vec3 place = as_vec3(points.data[base + moving.triangles.data[face][k]]);
     const int back = moving.backs ? moving.triangles.shape[0] + face : 0;
@@ -136,7 +136,7 @@ WARPCAM_DEVICE Vec3 flat_normal(const Moving& moving, const Points& points, cons
 // warps, which write what their faces have to write one after another.
 template <class Moving, class Meshes, class Points>
 WARPCAM_DEVICE void move_face(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
-                          int index)
+                              int index)
 {
     const int count = moving.triangles.shape[0];
 #if defined(__CUDA_ARCH__)
@@ -171,8 +171,8 @@ WARPCAM_DEVICE void move_face(const Moving& moving, const Meshes& meshes, const 
 }
 
 template <class Moving, class Meshes, class Points>
-WARPCAM_DEVICE void move_normals(const Moving& moving, const Meshes& meshes, const Points& points, const Points& normals,
-                             int index)
+WARPCAM_DEVICE void move_normals(const Moving& moving, const Meshes& meshes, const Points& points,
+                                 const Points& normals, int index)
 {
     for_run(index, moving.assets.shape[0] * moving.triangles.shape[0],
             [&](int i) { move_face(moving, meshes, points, normals, i); });

@@ -31,10 +31,7 @@ struct Bounds {
     }
 };
 
-WARPCAM_DEVICE Bounds nowhere()
-{
-    return { { MISS, MISS, MISS }, { -MISS, -MISS, -MISS } };
-}
+WARPCAM_DEVICE Bounds nowhere() { return { { MISS, MISS, MISS }, { -MISS, -MISS, -MISS } }; }
 
 // The box of a child; nothing where it is not there.
 template <class Array> WARPCAM_DEVICE Bounds child_box(const Array& nodes, int row, int child)
@@ -62,9 +59,9 @@ WARPCAM_DEVICE float total(float mine, float* room, int thread)
 }
 
 // The areas of all boxes, and of those around single faces: a share of them in each of EVERY frames.
-template <class Moving, class Meshes>
-WARPCAM_DEVICE void measure(const Moving& moving, const Meshes& meshes, int asset, int share, float* room, int thread,
-                        float& boxes, float& alone)
+template <class Moving, class Meshes> WARPCAM_DEVICE void measure(const Moving& moving, const Meshes& meshes, int asset,
+                                                                  int share, float* room, int thread, float& boxes,
+                                                                  float& alone)
 {
     const int nodes = wp::index(meshes.node_start, asset), faces = wp::index(meshes.face_start, asset);
     const int rows = moving.order.shape[1];
@@ -103,15 +100,14 @@ WARPCAM_DEVICE Vec3 middle_of(const Moving& moving, const Points& points, int ba
 {
     const auto corners = wp::index(moving.triangles, face);
     return as_vec3(points.data[base + corners[0]]) + as_vec3(points.data[base + corners[1]])
-        + as_vec3(points.data[base + corners[2]]);
+           + as_vec3(points.data[base + corners[2]]);
 }
 
 // Sorts pairs of a key and a value, by a block's threads together. Each thread has a run of them, so that equal digits
 // keep their order. The words are bits of the numbers in `from` and `to`, keys before values.
 WARPCAM_DEVICE void sort_by_digit(const float* from, float* to, int count, int shift, int* starts, int thread)
 {
-    const int run = (count + THREADS - 1) / THREADS, first = min(thread * run, count),
-              end = min(first + run, count);
+    const int run = (count + THREADS - 1) / THREADS, first = min(thread * run, count), end = min(first + run, count);
     for (int digit = 0; digit < DIGITS; ++digit)
         starts[digit * THREADS + thread] = 0;
     for (int i = first; i < end; ++i)
@@ -135,8 +131,8 @@ WARPCAM_DEVICE void sort_by_digit(const float* from, float* to, int count, int s
 // `room` holds 6 * THREADS numbers. The normals of the mesh's corners, which are written anew in each frame, lend
 // theirs.
 template <class Moving, class Meshes, class Points>
-WARPCAM_DEVICE void deal_out(const Moving& moving, const Meshes& meshes, const Points& points, int instance, float* room,
-                         int* starts, int thread)
+WARPCAM_DEVICE void deal_out(const Moving& moving, const Meshes& meshes, const Points& points, int instance,
+                             float* room, int* starts, int thread)
 {
     const int asset = wp::index(moving.assets, instance), base = wp::index(moving.bases, instance);
     const int count = moving.triangles.shape[0], rows = moving.order.shape[1];
@@ -159,7 +155,7 @@ WARPCAM_DEVICE void deal_out(const Moving& moving, const Meshes& meshes, const P
     for (int face = thread; face < count; face += THREADS) {
         const Vec3 at = middle_of(moving, points, base, face);
         const unsigned key = spread(cell_of(at.x, all.low.x, rate)) | spread(cell_of(at.y, all.low.y, rate)) << 1
-            | spread(cell_of(at.z, all.low.z, rate)) << 2;
+                             | spread(cell_of(at.z, all.low.z, rate)) << 2;
         pairs[face] = as_float(int(key));
         pairs[count + face] = as_float(face);
     }
@@ -170,13 +166,14 @@ WARPCAM_DEVICE void deal_out(const Moving& moving, const Meshes& meshes, const P
     }
     // There are at least as many rows as faces: those of long faces, which once stood in several leaves.
     for (int row = thread; row < rows; row += THREADS)
-        *wp::address(moving.order, instance, row) = as_int(pairs[count + int((long long)(row) * count / rows)]);
+        *wp::address(moving.order, instance, row) = as_int(pairs[count + int((long long)(row)*count / rows)]);
 }
 
 // Goes on measuring the tree of one instance, and gives its faces a new order, for the next frame, where it has
 // decayed.
 template <class Moving, class Meshes, class Points>
-WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const Points& points, int instance, int thread)
+WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const Points& points, int instance,
+                               int thread)
 {
     WARPCAM_SHARED float room[6 * THREADS];
     WARPCAM_SHARED int starts[DIGITS * THREADS];
@@ -194,7 +191,8 @@ WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const
         moving.areas.data[instance][0] = boxes;
         moving.areas.data[instance][1] = alone;
     }
-    if (share + 1 < MEASURE_PERIOD || age < MEASURE_PERIOD)  // in the first frames the measurement may have begun in the middle
+    if (share + 1 < MEASURE_PERIOD
+        || age < MEASURE_PERIOD)  // in the first frames the measurement may have begun in the middle
         return;
     const float now = boxes / max(alone, MIN_NORMAL);
     const bool decayed = known >= 0.0f && now > DECAYED * known;

@@ -31,7 +31,7 @@ template <class Centres> WARPCAM_DEVICE int tiles_across(const Region& region)
 // Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
 template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
 WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Centres& centres, const Camera& camera, const Region& region, int world)
+                                  const Centres& centres, const Camera& camera, const Region& region, int world)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     constexpr int WARPS = THREADS / WARP_SIZE;
@@ -100,8 +100,8 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
             if (found) {
                 const int begin = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&count, __popc(found)) : 0, 0);
                 if (samples)
-                    listed[begin + __popc(found & ((1u << lane) - 1))]
-                        = { static_cast<decltype(listed->bits)>(place_of(region, i, j) << listed->SHIFT | samples) };
+                    listed[begin + __popc(found & ((1u << lane) - 1))] = { static_cast<decltype(listed->bits)>(
+                        place_of(region, i, j) << listed->SHIFT | samples) };
             }
         }
         more = __syncthreads_or(left != 0);
@@ -152,8 +152,8 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
                 const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
                 if constexpr (IN_PLACE) {
-                    const unsigned char(&shown)[SAMPLES]
-                        = *reinterpret_cast<const unsigned char(*)[SAMPLES]>(chunk.shown + SAMPLES * k);
+                    const unsigned char (&shown)[SAMPLES] =
+                        *reinterpret_cast<const unsigned char (*)[SAMPLES]>(chunk.shown + SAMPLES * k);
                     listed[from + k].bits = shown_bits(at, shown);
                     continue;
                 }
@@ -185,7 +185,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Target>
 WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Target& target, const Camera& camera, const Region& region, int world)
+                                  const Target& target, const Camera& camera, const Region& region, int world)
 {
     const unsigned first = unsigned(world) * target.height * target.width;  // of the view's pixels
     using Placed = PlacedCentres<Target, WIDTH, HEIGHT, IN_PLACE>;
@@ -224,7 +224,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
-                       const Target& target, int index)
+                           const Target& target, int index)
 {
     alignas(16) WARPCAM_SHARED Camera camera;
     int world;

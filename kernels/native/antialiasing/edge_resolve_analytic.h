@@ -153,7 +153,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
             rank += k > slot / WARP_SIZE ? its : 0;
         }
         edges.bits[slot] = { { is_seen && rank < WARP_SIZE ? 1u << rank % WARP_SIZE : 0,
-                             is_seen && rank >= WARP_SIZE ? 1u << rank % WARP_SIZE : 0 } };
+                               is_seen && rank >= WARP_SIZE ? 1u << rank % WARP_SIZE : 0 } };
         if (is_seen && rank < MOST_RECORDS)
             edges.records[rank].origin.w = slot - 1;
         block_sync();
@@ -162,8 +162,8 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
 
     // Makes the records of so many shapes. Then a barrier.
     template <class Shapes, class Meshes, class HeightFields>
-    WARPCAM_DEVICE void prepare_records(int count, const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                                    int world) const
+    WARPCAM_DEVICE void prepare_records(int count, const Shapes& shapes, const Meshes& meshes,
+                                        const HeightFields& fields, int world) const
     {
         const int rank = threadIdx.x;
         if (rank >= count)
@@ -220,9 +220,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         };
         const auto cost_of = [&](int place) {
             const float there = seen.depth(pixel_of(place));
-            const auto its = view_ray<LENS>(camera, spot.i + Neighborhood3x3::right(place), spot.j + Neighborhood3x3::down(place));
+            const auto its =
+                view_ray<LENS>(camera, spot.i + Neighborhood3x3::right(place), spot.j + Neighborhood3x3::down(place));
             return apart_from(place) + seen.apart(pixel_of(place), depth)
-                + (part_at<LENS>(record, its, there) == part ? 0.0f : TURNED);
+                   + (part_at<LENS>(record, its, there) == part ? 0.0f : TURNED);
         };
         Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
         float best = MISS;  // not known before some other pixel has another colour

@@ -31,7 +31,7 @@ WARPCAM_DEVICE unsigned shown_bits(int place, const unsigned char (&shown)[SAMPL
 // last of the region if `last`; `end` is 0 where there are no bands. With barriers, but after the last band.
 template <int IMAGES, int LENS, class Bits, class Centres>
 WARPCAM_DEVICE void put_in_place(const Bits* listed, int count, unsigned* means, Waiting& waiting, int end, bool last,
-                             const EdgeTester<LENS, Centres>& seen, const Region& region)
+                                 const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     const auto& target = seen.centres.target;
     const auto index = [&](unsigned place) {
@@ -42,8 +42,8 @@ WARPCAM_DEVICE void put_in_place(const Bits* listed, int count, unsigned* means,
         const unsigned bits = listed[k].bits, place = bits >> 4 * SAMPLES;
         unsigned by[SAMPLES];
         for (int sample = 0; sample < SAMPLES; ++sample)
-            by[sample] = seen.around(region.left + int(place % 64), region.top + int(place / 64),
-                                     int(bits >> 4 * sample & 15));
+            by[sample] =
+                seen.around(region.left + int(place % 64), region.top + int(place / 64), int(bits >> 4 * sample & 15));
         means[k] = mean_bytes<IMAGES>(seen.centres, by);
     }
     block_sync();

@@ -89,7 +89,7 @@ struct EdgeResolver {
     short sorted[AROUND * EDGES_TOGETHER];  // the pixels around which shapes are seen, shape after shape
 
     EdgeResolver(const Shapes& shapes_, const Meshes& meshes_, const HeightFields& fields_,
-             const EdgeTester<LENS, Centres>& seen_, const Camera& camera_, const Region& region_, int world_)
+                 const EdgeTester<LENS, Centres>& seen_, const Camera& camera_, const Region& region_, int world_)
         : shapes(shapes_), meshes(meshes_), fields(fields_), seen(seen_), camera(camera_), region(region_),
           world(world_)
     {
@@ -308,8 +308,8 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
     using Centres = CentresAtHand<IMAGES, WIDTH, HEIGHT, Target>;
     const Centres centres(target, unsigned(world) * target.height * target.width, region);
     const EdgeTester<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
-    EdgeResolver<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen, camera,
-                                                                                  region, world);
+    EdgeResolver<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen,
+                                                                                      camera, region, world);
     const int right = min(region.left + region.width, target.width);
     const int bottom = min(region.top + region.height, target.height);
     for (int j = region.top; j < bottom; ++j)

@@ -45,8 +45,8 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
             const int j = top + row;
             const int below = seen.shape(pixel + LINE);
             const float depth_below = seen.depth(pixel + LINE);
-            const bool within = (here == above) & (here == below) & (here == seen.shape(pixel - 1))
-                & (here == seen.shape(pixel + 1));
+            const bool within =
+                (here == above) & (here == below) & (here == seen.shape(pixel - 1)) & (here == seen.shape(pixel + 1));
             const bool bent =
                 (amid & seen.turns_at(seen.depth(pixel - 1), depth_here, seen.depth(pixel + 1), seen.scale_x))
                 | ((j > 0) & (j + 1 < target.height)
@@ -69,14 +69,16 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     // shapes, one after another. Then a barrier.
     WARPCAM_DEVICE int list_pixels(unsigned short* pixels) const
     {
-        constexpr unsigned TILE_COLUMNS_PER_WARP = 4, HIGH = WARP_SIZE / TILE_COLUMNS_PER_WARP, ACROSS = WIDTH / TILE_COLUMNS_PER_WARP, TILES = ACROSS * (HEIGHT / HIGH);
+        constexpr unsigned TILE_COLUMNS_PER_WARP = 4, HIGH = WARP_SIZE / TILE_COLUMNS_PER_WARP,
+                           ACROSS = WIDTH / TILE_COLUMNS_PER_WARP, TILES = ACROSS * (HEIGHT / HIGH);
         static_assert(TILES <= WARP_SIZE, "a lane for each");
         const unsigned lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE;
         unsigned mask = 0;  // of the lane's tile
         if (lane < TILES)
 #pragma unroll
             for (unsigned k = 0; k < HIGH; ++k)
-                mask |= (marks.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * TILE_COLUMNS_PER_WARP & ((1u << TILE_COLUMNS_PER_WARP) - 1))
+                mask |= (marks.maybe[lane / ACROSS * HIGH + k] >> lane % ACROSS * TILE_COLUMNS_PER_WARP
+                         & ((1u << TILE_COLUMNS_PER_WARP) - 1))
                         << TILE_COLUMNS_PER_WARP * k;
         int until = __popc(mask);
 #pragma unroll
@@ -87,7 +89,8 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
         for (unsigned tile = warp; tile < TILES; tile += WARPS) {
             const unsigned its = __shfl_sync(FULL_WARP, mask, tile);
             const int end = __shfl_sync(FULL_WARP, until, tile);
-            const unsigned row = tile / ACROSS * HIGH + lane / TILE_COLUMNS_PER_WARP, column = tile % ACROSS * TILE_COLUMNS_PER_WARP + lane % TILE_COLUMNS_PER_WARP;
+            const unsigned row = tile / ACROSS * HIGH + lane / TILE_COLUMNS_PER_WARP,
+                           column = tile % ACROSS * TILE_COLUMNS_PER_WARP + lane % TILE_COLUMNS_PER_WARP;
             if (its >> lane & 1)
                 pixels[end - __popc(its >> lane)] = static_cast<unsigned short>(row * WIDTH + column);
         }

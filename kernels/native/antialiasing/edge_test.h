@@ -63,9 +63,9 @@ struct Band {
     {
         const float margin = BEYOND * (last - first)
                              + ASIDE * width
-                                   * (LENS == RAY_TABLE_WITH_ORIGINS         ? 1.0f + last
-                                      : LENS != ORTHOGRAPHIC ? last
-                                                             : 1.0f);
+                                   * (LENS == RAY_TABLE_WITH_ORIGINS ? 1.0f + last
+                                      : LENS != ORTHOGRAPHIC         ? last
+                                                                     : 1.0f);
         return { first - margin, last + margin };
     }
 };
@@ -88,9 +88,9 @@ template <int LENS> WARPCAM_DEVICE bool is_behind(const Band& ground, const Band
     return !sky && others.last > 0.0f
            && ground.first > others.last
                                  + ASIDE * width
-                                       * (LENS == RAY_TABLE_WITH_ORIGINS         ? 1.0f + others.last
-                                          : LENS != ORTHOGRAPHIC ? others.last
-                                                                 : 1.0f);
+                                       * (LENS == RAY_TABLE_WITH_ORIGINS ? 1.0f + others.last
+                                          : LENS != ORTHOGRAPHIC         ? others.last
+                                                                         : 1.0f);
 }
 
 // A pixel's colour of 8 bits a channel; alpha is 0 where only rgb is smoothed.
@@ -155,7 +155,7 @@ inline unsigned which_differ(const Colour<IMAGES>& its, const Colour<IMAGES> (&o
         Int8 words;
         for (int k = 0; k < SIMD_WIDTH; ++k)
             words[k] = int(others[k].bytes);
-        const Bytes theirs = (Bytes)words, own = (Bytes)(Int8)int(its.bytes);
+        const Bytes theirs = (Bytes)words, own = (Bytes)(Int8) int(its.bytes);
         const Bytes apart = __builtin_elementwise_sub_sat(theirs, own) | __builtin_elementwise_sub_sat(own, theirs);
         const Bytes most = static_cast<unsigned char>(levels);
         found = movemask((Int8)__builtin_elementwise_sub_sat(apart, most) != 0);
@@ -179,15 +179,17 @@ template <class Target> struct PixelSource {
     WARPCAM_DEVICE bool has_fours() const { return sizeof(target.shape.data[0]) == 1 && target.width % 4 == 0; }
     WARPCAM_DEVICE unsigned four_ids(int i, int j) const
     {
-        const int column = max(min(i, target.width - 4), 0),
-                  row = max(min(j, target.height - 1), 0);
+        const int column = max(min(i, target.width - 4), 0), row = max(min(j, target.height - 1), 0);
         return reinterpret_cast<const unsigned*>(target.shape.data)[at(column, row) / 4];
     }
     WARPCAM_DEVICE unsigned of_images(unsigned pixel) const { return pixel; }
     WARPCAM_DEVICE unsigned of_images(int i, int j) const { return at(i, j); }
     WARPCAM_DEVICE int shape(unsigned pixel) const { return target.shape.data[pixel]; }
     WARPCAM_DEVICE float depth(unsigned pixel) const { return target.depth.data[pixel]; }
-    template <int IMAGES> WARPCAM_DEVICE unsigned bytes(unsigned pixel) const { return load_bytes<IMAGES>(target, pixel); }
+    template <int IMAGES> WARPCAM_DEVICE unsigned bytes(unsigned pixel) const
+    {
+        return load_bytes<IMAGES>(target, pixel);
+    }
 
     WARPCAM_DEVICE bool shows(int i, int j, int shape_) const
     {
@@ -199,8 +201,7 @@ template <class Target> struct PixelSource {
     WARPCAM_DEVICE unsigned around(int i, int j, int k) const
     {
         const int column = i + k % 3 - 1, row = j + k / 3 - 1;
-        return at(column < 0 ? 0 : min(column, target.width - 1),
-                  row < 0 ? 0 : min(row, target.height - 1));
+        return at(column < 0 ? 0 : min(column, target.width - 1), row < 0 ? 0 : min(row, target.height - 1));
     }
 };
 
@@ -232,7 +233,7 @@ template <int LENS, class Centres> struct EdgeTester {
     WARPCAM_DEVICE static unsigned of_pairs(unsigned ring)
     {
         return unsigned((ring & 0x03) != 0) | unsigned((ring & 0xc0) != 0) << 1 | unsigned((ring & 0x0c) != 0) << 2
-            | unsigned((ring & 0x30) != 0) << 3;
+               | unsigned((ring & 0x30) != 0) << 3;
     }
 
     template <int IMAGES> WARPCAM_DEVICE Colour<IMAGES> colour(unsigned pixel) const
@@ -252,8 +253,7 @@ template <int LENS, class Centres> struct EdgeTester {
     // triangle, of the pixel's centre, that of a neighbour and that of one across, has another shape at a corner, as
     // three pixels that show one shape have no edge between them. A pixel whose surface is bent has an edge, too: then
     // the mask holds all samples. In both cases the edge must be visible:
-    template <int IMAGES, class HasSides>
-    WARPCAM_DEVICE unsigned edge(int i, int j, const HasSides& has_sides) const
+    template <int IMAGES, class HasSides> WARPCAM_DEVICE unsigned edge(int i, int j, const HasSides& has_sides) const
     {
         const unsigned pixel = at(i, j), line = centres.line();
         const bool has_left = i > 0, has_right = i + 1 < centres.target.width;
@@ -263,8 +263,8 @@ template <int LENS, class Centres> struct EdgeTester {
                        east = BORDERED || has_right ? pixel + 1 : pixel;
         const unsigned above = BORDERED || has_up ? line : 0, below = BORDERED || has_down ? line : 0;
         // the pixels around, from the one below on by way of the left: as bits, too
-        const unsigned ring[8] { pixel + below, west + below, west, west - above, pixel - above, east - above, east,
-                                 east + below };
+        const unsigned ring[8] { pixel + below, west + below, west, west - above,
+                                 pixel - above, east - above, east, east + below };
         const int here = shape(pixel);
         unsigned other = 0;  // that show another shape
 #pragma unroll
@@ -329,15 +329,14 @@ template <int LENS, class Centres> struct EdgeTester {
     // Distance in depth between a hit and what a pixel shows.
     WARPCAM_DEVICE float apart(unsigned pixel, float hit_depth) const
     {
-        return abs(depth(pixel) - hit_depth)
-            * rcp(STEEP * scale_x * widths_at<LENS>(hit_depth));
+        return abs(depth(pixel) - hit_depth) * rcp(STEEP * scale_x * widths_at<LENS>(hit_depth));
     }
 
     // Selects, from the nine pixels around (i, j), the one that shows what a sample has hit: the nearest by position
     // and, for a shape with sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if
     // the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of around().
     template <int IMAGES, class Turned> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
-                                                             int hit_shape, bool sided, const Turned& turned) const
+                                                                 int hit_shape, bool sided, const Turned& turned) const
     {
         unsigned left = 0;  // those that show the shape, from near to far
 #pragma unroll
@@ -350,7 +349,8 @@ template <int LENS, class Centres> struct EdgeTester {
 
     // Selects likewise from the pixels in `left`, numbered from near to far.
     template <int IMAGES, class Turned> WARPCAM_DEVICE int select(unsigned left, int i, int j, Offset offset,
-                                                              float hit_depth, bool sided, const Turned& turned) const
+                                                                  float hit_depth, bool sided,
+                                                                  const Turned& turned) const
     {
         const auto aside = [&](int k) { return near_sample(offset, k); };
         if (!sided)

@@ -17,9 +17,9 @@ using NearBits = unsigned[NEAR_WORDS];
 
 struct NearShapes {
     ShapeRecord records[NEAR_SHAPES];  // nearest first where there are meshes; see sample_record()
-    int keys[NEAR_KEYS];          // ids, a table
-    int ids[NEAR_SHAPES];         // in the order in which they came
-    float nearest[NEAR_SHAPES];   // likewise
+    int keys[NEAR_KEYS];  // ids, a table
+    int ids[NEAR_SHAPES];  // in the order in which they came
+    float nearest[NEAR_SHAPES];  // likewise
     unsigned char places[NEAR_KEYS];  // among the records, NEAR_SHAPES for none
     NearBits meshes, fields;
     int count;  // more than NEAR_SHAPES: they are too many
@@ -71,7 +71,7 @@ struct NearShapes {
     // Makes the records of all that were added; with barriers.
     template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
     WARPCAM_DEVICE void prepare_all(const Shapes& shapes, const Meshes& all_meshes, const HeightFields& all_fields,
-                                const Camera& camera, const Region& region, int world)
+                                    const Camera& camera, const Region& region, int world)
     {
         const int mine = threadIdx.x;
         ShapeRecord record;

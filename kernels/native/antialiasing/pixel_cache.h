@@ -38,7 +38,8 @@ template <class Target, int IMAGES, int WIDTH, int HEIGHT> struct PixelCache {
     // at once.
     WARPCAM_DEVICE void load() const
     {
-        constexpr int WARPS = THREADS / WARP_SIZE, ROWS = Room::PIXELS / LINE, TILE_COLUMNS_PER_WARP = min(LINE, WARP_SIZE);
+        constexpr int WARPS = THREADS / WARP_SIZE, ROWS = Room::PIXELS / LINE,
+                      TILE_COLUMNS_PER_WARP = min(LINE, WARP_SIZE);
         const int lane = min(threadIdx.x % WARP_SIZE, LINE - 1), warp = threadIdx.x / WARP_SIZE;
         const int i = left + lane, column = i < 0 ? 0 : min(i, target.width - 1);
 #pragma unroll
@@ -102,8 +103,7 @@ template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
         for (int begin = 0; begin < WORDS; begin += THREADS) {
             const int k = min(begin + int(threadIdx.x), WORDS - 1), pixel = k * WORD - BEFORE;
             const int i = region.left + pixel % LINE - ASIDE, j = region.top + pixel / LINE - 1;
-            const Id* const line =
-                target.shape.data + first + max(min(j, target.height - 1), 0) * target.width;
+            const Id* const line = target.shape.data + first + max(min(j, target.height - 1), 0) * target.width;
             if (target.width % WORD == 0) {
                 words[k] = *reinterpret_cast<const unsigned*>(line + max(min(i, target.width - WORD), 0));
                 continue;
@@ -111,8 +111,7 @@ template <class Target, int WIDTH, int HEIGHT, bool WHOLE> struct RegionIds {
             unsigned word = 0;
 #pragma unroll
             for (int n = 0; n < WORD; ++n)
-                word |= unsigned(static_cast<unsigned char>(line[max(min(i + n, target.width - 1), 0)]))
-                        << 8 * n;
+                word |= unsigned(static_cast<unsigned char>(line[max(min(i + n, target.width - 1), 0)])) << 8 * n;
             words[k] = word;
         }
     }
@@ -130,7 +129,7 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
 
     Ids& ids;
     const Target& target;
-    int left, top;   // of pixel 0, in the image
+    int left, top;  // of pixel 0, in the image
     unsigned first;  // the view's first pixel in the images
 
     // Adds all shapes that are seen to a list: those that the pixel before does not show. Then a barrier.
@@ -200,8 +199,7 @@ template <class Target, int WIDTH_, int HEIGHT, bool WHOLE> struct PlacedCentres
     WARPCAM_DEVICE unsigned around(int i, int j, int k) const
     {
         const int column = i + k % 3 - 1, row = j + k / 3 - 1;
-        return at(column < 0 ? 0 : min(column, target.width - 1),
-                  row < 0 ? 0 : min(row, target.height - 1));
+        return at(column < 0 ? 0 : min(column, target.width - 1), row < 0 ? 0 : min(row, target.height - 1));
     }
 };
 

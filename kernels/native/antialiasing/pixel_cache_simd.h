@@ -41,8 +41,7 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
     CentresAtHand(const Target& from, unsigned first_, const Region& region)
         : target(from), left(region.left - 1), top(region.top - 1), first(first_)
     {
-        const int width = min(WIDTH, target.width - region.left),
-                  height = min(HEIGHT, target.height - region.top);
+        const int width = min(WIDTH, target.width - region.left), height = min(HEIGHT, target.height - region.top);
         for (int row = 0; row < height + 2; ++row) {
             const int j = top + row, inside = j < 0 ? 0 : min(j, target.height - 1);
             const unsigned to = unsigned(row * LINE + 1), begin = of_images(region.left, inside);
@@ -114,7 +113,7 @@ template <int IMAGES, int WIDTH, int HEIGHT, class Target> struct CentresAtHand 
         };
         const Int8 own = ids_at(here);
         const Int8 other = (ids_at(here - 1) != own) | (ids_at(here + 1) != own) | (ids_at(here - LINE) != own)
-            | (ids_at(here + LINE) != own);
+                           | (ids_at(here + LINE) != own);
         const Float8 b = depths_at(here);
         const auto turns = [&](unsigned step, float scale) {  // as Seen::turns_at()
             const Float8 a = depths_at(here - step), c = depths_at(here + step);

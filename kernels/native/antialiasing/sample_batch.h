@@ -55,7 +55,10 @@ template <int TYPES> struct SampleBatch {
 
     WARPCAM_DEVICE int place(int pixel) const { return pixels[pixel].place(); }
     WARPCAM_DEVICE int total() const { return before + after; }
-    WARPCAM_DEVICE int index(int number) const { return number < before ? number : SAMPLES * MOST - 1 - (number - before); }
+    WARPCAM_DEVICE int index(int number) const
+    {
+        return number < before ? number : SAMPLES * MOST - 1 - (number - before);
+    }
     WARPCAM_DEVICE unsigned short sample(int number) const { return samples[index(number)]; }
     WARPCAM_DEVICE unsigned short& sample(int number) { return samples[index(number)]; }
 };
@@ -72,8 +75,8 @@ struct Ranked {
 
 // The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
 template <int TYPES, int LENS, class HeightFields>
-WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsigned own, const CameraRay<LENS>& ray, float near,
-                          const HeightFields& fields, const Band& ground, Hit& hit)
+WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsigned own, const CameraRay<LENS>& ray,
+                              float near, const HeightFields& fields, const Band& ground, Hit& hit)
 {
     for (; walked; walked &= walked - 1) {
         const int rank = ctz(walked);
@@ -100,7 +103,7 @@ WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsig
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
 template <int TYPES, int LENS, class Centres>
 WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
-                             const EdgeTester<LENS, Centres>& seen, const Region& region)
+                                 const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
@@ -189,17 +192,17 @@ WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const Nea
 
 // Traces the samples of a chunk; each warp takes 32 at a time.
 template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
-WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& list, Rays& waiting, const Meshes& meshes,
-                              const HeightFields& fields, const Camera& camera, const EdgeTester<LENS, Centres>& seen,
-                              const Region& region)
+WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& list, Rays& waiting,
+                                  const Meshes& meshes, const HeightFields& fields, const Camera& camera,
+                                  const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     constexpr bool HAS_MESH = SampleBatch<TYPES>::HAS_MESH, HAS_FIELD = SampleBatch<TYPES>::HAS_FIELD;
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float near = camera.near;
     const auto ray_of = [&](int sample) {
         const int pixel = sample / SAMPLES, at = chunk.place(pixel);
-        const CameraRay<LENS> ray
-            = sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
+        const CameraRay<LENS> ray =
+            sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
         return ClippedRay<LENS> { ray, HAS_MESH ? max(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
     };
     const auto show = [&](int sample, const Hit& hit) {
@@ -235,8 +238,8 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& l
         for (int w = 0; w < NEAR_WORDS; ++w) {
             around[w] = active ? chunk.own[pixel][w] : 0;
             if (w < words)
-                trace_own<TYPES, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w], around[w],
-                                       ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
+                trace_own<TYPES, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w],
+                                       around[w], ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
         }
         if (active)
             store(sample, hit);
@@ -270,7 +273,8 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& l
         }
     } else {
         int none;
-        while (next_rays(none)) { }
+        while (next_rays(none)) {
+        }
     }
 }
 

@@ -14,7 +14,10 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
     int i, j, sample;
     unsigned nine[9];  // the colours around, row after row
 
-    WARPCAM_DEVICE unsigned pixel_of(int place) const { return seen.at(i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place)); }
+    WARPCAM_DEVICE unsigned pixel_of(int place) const
+    {
+        return seen.at(i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
+    }
 
     // The pixels around that show a shape, by place; it is negative for none.
     WARPCAM_DEVICE unsigned showing(int shape) const
@@ -50,7 +53,7 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
     // sample `hits`, else what lies behind all else or, negative, nothing. `best_at` is the nearest pixel that shows
     // it, `left` are the others.
     WARPCAM_DEVICE bool is_open(int shape, int face, bool hits, const ShapeRecord& record, unsigned edge, int& best_at,
-                            unsigned& left)
+                                unsigned& left)
     {
         unsigned order = Neighborhood3x3::order(sample);
         left = showing(shape);
@@ -98,7 +101,8 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
                 const int its = int(seen.centres.target.face.data[seen.centres.of_images(pixel)]);
                 return cost + TURNED * (1.0f - dot(normal, normal_of(its)));
             }
-            const auto its = view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
+            const auto its =
+                view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
             return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
         };
         float least = cost_of(best_at, MISS);
@@ -125,7 +129,7 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
 // those of which that is not told by shapes and colours.
 template <int TYPES, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
 WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
-                             const EdgeTester<LENS, Centres>& seen, const Region& region)
+                                 const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     static_assert(sizeof(chunk.own) >= sizeof(chunk.samples), "what is open has room where shapes were");
     unsigned short* const open_of =
@@ -154,7 +158,8 @@ WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes&
         __syncwarp();
         if (asking >> lane & 1) {
             const int number = open + __popc(asking & ((1u << lane) - 1));
-            chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE) = static_cast<unsigned short>(sample);
+            chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE) =
+                static_cast<unsigned short>(sample);
             open_of[sample] = static_cast<unsigned short>(left | unsigned(best_at) << 12);
         } else if (active) {
             chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));

@@ -34,7 +34,8 @@ WARPCAM_DEVICE void copy_rows(const Number* from, Number* to, size_t first, int 
 
 // The images of a region as they were lit, where no edge is: to all of it, before there are means. `first` is the
 // view's first pixel in the images.
-template <int IMAGES, class Target> WARPCAM_DEVICE void copy_lit(const Target& target, const Region& region, size_t first)
+template <int IMAGES, class Target>
+WARPCAM_DEVICE void copy_lit(const Target& target, const Region& region, size_t first)
 {
     const int width = min(region.width, target.width - region.left);
     const int height = min(region.height, target.height - region.top);
@@ -102,11 +103,11 @@ WARPCAM_DEVICE void put_means(const Centres& centres, size_t at, const unsigned 
 // its place in the list for an id: what is hit then leads to it.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
 WARPCAM_DEVICE bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                              const Camera& camera, const Region& region, int world, int id, ShapeRecord& record)
+                                  const Camera& camera, const Region& region, int world, int id, ShapeRecord& record)
 {
     TileRect tiles;
-    const bool seen = setup_shape<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record,
-                                                  tiles)
+    const bool seen =
+        setup_shape<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles)
         == SEEN;
     record.origin.w = id;
     return seen;
@@ -116,8 +117,8 @@ template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, un
 {
     const unsigned row = first + unsigned(face * FACE_ROWS);
     const Vec3 corner = as_vec3(load(meshes.faces.data, row));
-    return normalized(cross(as_vec3(load(meshes.faces.data, row + 1)) - corner,
-                            as_vec3(load(meshes.faces.data, row + 2)) - corner));
+    return normalized(
+        cross(as_vec3(load(meshes.faces.data, row + 1)) - corner, as_vec3(load(meshes.faces.data, row + 2)) - corner));
 }
 
 // True if a shape, which may be none, has sides that meet in edges.
@@ -143,8 +144,9 @@ template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const 
 // the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
 // side. `record` is that of the shape hit, `edge` the pixel's edge().
 template <int TYPES, int LENS, class Meshes, class Centres, class Show>
-WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                            int sample, float depth, int face, const ShapeRecord& record, unsigned edge, const Show& show)
+WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera,
+                                int i, int j, int sample, float depth, int face, const ShapeRecord& record,
+                                unsigned edge, const Show& show)
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
@@ -171,8 +173,9 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
 }
 
 template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
-WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera, int i, int j,
-                            int sample, float depth, int face, const ShapeRecord& record, unsigned edge)
+WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera,
+                                int i, int j, int sample, float depth, int face, const ShapeRecord& record,
+                                unsigned edge)
 {
     return shown_sample<TYPES>(
         seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {

@@ -14,11 +14,11 @@ inline float boxes_cost(int boxes) { return 0.1f + 0.5f * (float)boxes; }
 // 4.
 inline Size build_boxes(const float* boxes, int num_boxes, void* scratch, float* node_rows, int* order)
 {
-    Faces none = {nullptr, nullptr};  // nobody asks for corners where there is no room for cuts
+    Faces none = { nullptr, nullptr };  // nobody asks for corners where there is no room for cuts
     BuildPrim* items = (BuildPrim*)scratch;
     BuildNode* branches = (BuildNode*)(items + num_boxes);
     for (int i = 0; i < num_boxes; ++i) {
-        items[i] = {Box::empty(), i, {0, 0, 0}};
+        items[i] = { Box::empty(), i, { 0, 0, 0 } };
         items[i].box.grow(boxes + 6ll * i, boxes + 6ll * i + 3);
     }
     int num_branches = grow(none, items, num_boxes, num_boxes, branches);

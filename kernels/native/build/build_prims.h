@@ -11,17 +11,19 @@ constexpr int kBins = 32;                  // a split is sought at the borders o
 constexpr int kSweep = 16;                 // ... and between any two faces where there are at most this many
 constexpr float kMinExtent = 1e-36f;       // centroids closer than this are the same
 
-template <class T>
-inline T smaller(T a, T b) { return b < a ? b : a; }
-template <class T>
-inline T larger(T a, T b) { return a < b ? b : a; }
-template <class T>
-inline void swap(T& a, T& b) { T c = a; a = b; b = c; }
+template <class T> inline T smaller(T a, T b) { return b < a ? b : a; }
+template <class T> inline T larger(T a, T b) { return a < b ? b : a; }
+template <class T> inline void swap(T& a, T& b)
+{
+    T c = a;
+    a = b;
+    b = c;
+}
 
 struct Box {
     float lower[3], upper[3];
 
-    static Box empty() { return {{3e38f, 3e38f, 3e38f}, {-3e38f, -3e38f, -3e38f}}; }
+    static Box empty() { return { { 3e38f, 3e38f, 3e38f }, { -3e38f, -3e38f, -3e38f } }; }
 
     void grow(const float* low, const float* high)
     {

@@ -16,8 +16,8 @@ constexpr double kOverlap =
 constexpr float kLeafCost = 54.f / 86;   // a ray's work for a leaf, in units of that for a node ...
 constexpr float kRoundCost = 54.f / 86;  // ... for each four faces in it, which four lanes test at a time ...
 constexpr float kFaceCost = 0.06f;  // ... and for each face, which lanes on their own and CPUs test one after another
-constexpr float kAbsent = 1e30f;         // all the bounds of a child that is not there
-constexpr int kScratch = 320;            // bytes a face
+constexpr float kAbsent = 1e30f;  // all the bounds of a child that is not there
+constexpr int kScratch = 320;  // bytes a face
 
 // Places for items: faces, and what cutting them adds.
 constexpr int room_for(int num_faces) { return 2 * num_faces; }
@@ -25,15 +25,16 @@ constexpr int room_for(int num_faces) { return 2 * num_faces; }
 inline void read_items(const Faces& mesh, int num_faces, BuildPrim* items)
 {
     for (int f = 0; f < num_faces; ++f) {
-        items[f] = {Box::empty(), f, {0, 0, 0}};
-        for (int k = 0; k < 3; ++k) items[f].box.grow(mesh.corner(f, k), mesh.corner(f, k));
+        items[f] = { Box::empty(), f, { 0, 0, 0 } };
+        for (int k = 0; k < 3; ++k)
+            items[f].box.grow(mesh.corner(f, k), mesh.corner(f, k));
     }
 }
 
 // Gives a node's items to two children. Returns where in its `room` places the second's start; `sizes` become the
 // children's.
-inline int divide(const Faces& mesh, BuildPrim* items, int count, int room, int limit, const Box& box, const Box& centers,
-                  double root_area, int* sizes)
+inline int divide(const Faces& mesh, BuildPrim* items, int count, int room, int limit, const Box& box,
+                  const Box& centers, double root_area, int* sizes)
 {
     int first = 0;
     if (count <= kSweep) {
@@ -44,25 +45,31 @@ inline int divide(const Faces& mesh, BuildPrim* items, int count, int room, int 
         if (worse && room > count) {
             SpatialSplit cut = find_cut(mesh, items, count, limit, room - count, box);
             Parts parts = {};
-            if (cut.cost < split.cost) parts = part(mesh, items, count, room, limit, cut);
+            if (cut.cost < split.cost)
+                parts = part(mesh, items, count, room, limit, cut);
             if (parts.second > 0) {
                 sizes[0] = parts.first;
                 sizes[1] = parts.second;
                 return parts.first_room;
             }
         }
-        if (split.first > 0) part(items, count, split);
+        if (split.first > 0)
+            part(items, count, split);
         first = split.first;
     }
-    if (first == 0) first = split_halves(items, count, centers);
+    if (first == 0)
+        first = split_halves(items, count, centers);
     sizes[0] = first;
     sizes[1] = count - first;
-    if (room == count || count <= kSweep) return first;  // no room is needed where nothing more is cut
-    double areas[2] = {0., 0.};                          // large boxes have the most to gain from a cut
-    for (int i = 0; i < count; ++i) areas[i >= first] += items[i].box.area();
+    if (room == count || count <= kSweep)
+        return first;  // no room is needed where nothing more is cut
+    double areas[2] = { 0., 0. };  // large boxes have the most to gain from a cut
+    for (int i = 0; i < count; ++i)
+        areas[i >= first] += items[i].box.area();
     double sum = areas[0] + areas[1];
     int second = first + (int)((room - count) * (sum > 0. ? areas[0] / sum : 0.5));
-    for (int i = count - 1; i >= first; --i) items[second + i - first] = items[i];
+    for (int i = count - 1; i >= first; --i)
+        items[second + i - first] = items[i];
     return second;
 }
 
@@ -73,12 +80,14 @@ inline int divide(const Faces& mesh, BuildPrim* items, int count, int room, int 
 // instead.
 inline int grow(const Faces& mesh, BuildPrim* items, int num_items, int room, BuildNode* branches)
 {
-    struct Todo { int branch, depth, room; } stack[kMaxHeight + kMaxLeaf + 2];
+    struct Todo {
+        int branch, depth, room;
+    } stack[kMaxHeight + kMaxLeaf + 2];
     int top = 0, used = 1;
     double root_area = 0.;
     branches[0].first = 0;
     branches[0].count = num_items;
-    stack[top++] = {0, 0, room};
+    stack[top++] = { 0, 0, room };
     while (top > 0) {
         Todo todo = stack[--top];
         BuildNode& branch = branches[todo.branch];
@@ -89,11 +98,13 @@ inline int grow(const Faces& mesh, BuildPrim* items, int num_items, int room, Bu
         Box centers = Box::empty();
         for (int i = 0; i < count; ++i) {
             branch.box.grow(own[i].box);
-            float center[3] = {own[i].centroid(0), own[i].centroid(1), own[i].centroid(2)};
+            float center[3] = { own[i].centroid(0), own[i].centroid(1), own[i].centroid(2) };
             centers.grow(center, center);
         }
-        if (todo.branch == 0) root_area = branch.box.area();
-        if (count == 1) continue;
+        if (todo.branch == 0)
+            root_area = branch.box.area();
+        if (count == 1)
+            continue;
         int limit = count <= kMaxLeaf ? count : kMaxLeaf << smaller(kMaxHeight - todo.depth - 1, 24);
         int sizes[2];
         int second = divide(mesh, own, count, todo.room, limit, branch.box, centers, root_area, sizes);
@@ -102,8 +113,8 @@ inline int grow(const Faces& mesh, BuildPrim* items, int num_items, int room, Bu
             branches[used + side].first = branch.first + (side ? second : 0);
             branches[used + side].count = sizes[side];
         }
-        stack[top++] = {used + 1, todo.depth + 1, todo.room - second};
-        stack[top++] = {used, todo.depth + 1, second};
+        stack[top++] = { used + 1, todo.depth + 1, todo.room - second };
+        stack[top++] = { used, todo.depth + 1, second };
         used += 2;
     }
     return used;
@@ -133,16 +144,20 @@ inline void plan(BuildNode* branches, int num_branches, float (*leaf_cost)(int) 
         branch.height = 0;
         branch.left[2] = branch.left[3] = branch.left[4] = 0;
         branch.cost[0] = branch.cost[1] = branch.cost[2] = as_leaf;
-        if (branch.count == 1) continue;
+        if (branch.count == 1)
+            continue;
         const BuildNode &a = branches[branch.child], &b = branches[branch.child + 1];
-        if (branch.count > kMaxLeaf) branch.height = (short)(1 + larger(a.height, b.height));
+        if (branch.count > kMaxLeaf)
+            branch.height = (short)(1 + larger(a.height, b.height));
         float two = a.cost[0] + b.cost[0];
         bool near = a.cost[0] + b.cost[1] < a.cost[1] + b.cost[0];
         float three = near ? a.cost[0] + b.cost[1] : a.cost[1] + b.cost[0];
         float four = a.cost[1] + b.cost[1];
         branch.left[4] = 2;
-        if (a.cost[0] + b.cost[2] < four) four = a.cost[0] + b.cost[2], branch.left[4] = 1;
-        if (a.cost[2] + b.cost[0] < four) four = a.cost[2] + b.cost[0], branch.left[4] = 3;
+        if (a.cost[0] + b.cost[2] < four)
+            four = a.cost[0] + b.cost[2], branch.left[4] = 1;
+        if (a.cost[2] + b.cost[0] < four)
+            four = a.cost[2] + b.cost[0], branch.left[4] = 3;
         branch.leaf = as_leaf <= area + four;
         branch.cost[0] = branch.leaf ? as_leaf : area + four;
         branch.left[2] = two < branch.cost[0];
@@ -155,18 +170,20 @@ inline void plan(BuildNode* branches, int num_branches, float (*leaf_cost)(int) 
 // The binary nodes that become the children of the wide node made of `root`. Returns how many.
 inline int open_planned(const BuildNode* branches, int root, int* children)
 {
-    struct LightWeights { int branch, nodes; } stack[4];
+    struct LightWeights {
+        int branch, nodes;
+    } stack[4];
     int top = 0, count = 0;
-    stack[top++] = {root, 4};
+    stack[top++] = { root, 4 };
     while (top > 0) {
         LightWeights share = stack[--top];
         const BuildNode& branch = branches[share.branch];
         int left = share.nodes > 1 ? branch.left[share.nodes] : 0;
         if (left > 0) {
-            stack[top++] = {branch.child + 1, share.nodes - left};
-            stack[top++] = {branch.child, left};
+            stack[top++] = { branch.child + 1, share.nodes - left };
+            stack[top++] = { branch.child, left };
         } else if (share.nodes > 1) {
-            stack[top++] = {share.branch, share.nodes - 1};
+            stack[top++] = { share.branch, share.nodes - 1 };
         } else {
             children[count++] = share.branch;
         }
@@ -205,10 +222,12 @@ struct Size {
 // always fits, since its height is never more than 2 * levels.
 inline Size flatten(const BuildNode* branches, const BuildPrim* items, float* rows, int* order)
 {
-    struct Todo { int branch, node, levels; } stack[3 * kMaxDepth + 1];
+    struct Todo {
+        int branch, node, levels;
+    } stack[3 * kMaxDepth + 1];
     int top = 0;
-    Size size = {1, 1, 0};
-    stack[top++] = {0, 0, kMaxDepth};
+    Size size = { 1, 1, 0 };
+    stack[top++] = { 0, 0, kMaxDepth };
     while (top > 0) {
         Todo todo = stack[--top];
         const BuildNode& branch = branches[todo.branch];
@@ -223,7 +242,8 @@ inline Size flatten(const BuildNode* branches, const BuildPrim* items, float* ro
             bool fits = true;
             for (int k = 0; k < count; ++k)
                 fits = fits && (is_leaf(children[k]) || branches[children[k]].height <= 2 * below);
-            if (!fits) count = open_two_levels(branches, todo.branch, children);
+            if (!fits)
+                count = open_two_levels(branches, todo.branch, children);
         }
         size.depth = larger(size.depth, kMaxDepth - below);
         for (int k = 0; k < 4; ++k) {
@@ -235,14 +255,16 @@ inline Size flatten(const BuildNode* branches, const BuildPrim* items, float* ro
             int code = 0;
             if (child && is_leaf(children[k])) {
                 code = -(size.faces * 16 + child->count) - 1;
-                for (int i = 0; i < child->count; ++i) order[size.faces++] = items[child->first + i].face;
+                for (int i = 0; i < child->count; ++i)
+                    order[size.faces++] = items[child->first + i].face;
             } else if (child) {
                 code = size.nodes + num_inner;
                 inner[num_inner++] = children[k];
             }
             put(rows, 7 * todo.node + 6, k, code);
         }
-        for (int k = num_inner - 1; k >= 0; --k) stack[top++] = {inner[k], size.nodes + k, below};
+        for (int k = num_inner - 1; k >= 0; --k)
+            stack[top++] = { inner[k], size.nodes + k, below };
         size.nodes += num_inner;
     }
     return size;
@@ -252,7 +274,8 @@ inline void write_faces(const Faces& mesh, const int* order, int count, float* r
 {
     for (int i = 0; i < count; ++i)
         for (int k = 0; k < 3; ++k) {
-            for (int axis = 0; axis < 3; ++axis) put(rows, 3 * i + k, axis, mesh.corner(order[i], k)[axis]);
+            for (int axis = 0; axis < 3; ++axis)
+                put(rows, 3 * i + k, axis, mesh.corner(order[i], k)[axis]);
             put(rows, 3 * i + k, 3, k == 0 ? order[i] : 0);
         }
 }
@@ -266,7 +289,7 @@ inline Size build(const float* vertices, const int* faces, int num_faces, void* 
     static_assert(2 * sizeof(BuildPrim) + 4 * sizeof(BuildNode) + 2 * sizeof(int) <= kScratch, "scratch is too small");
     static_assert(kMaxLeaf <= kSweep, "the items of a leaf must lie in a row, and be of different faces");
     static_assert(room_for(kMaxFaces) <= 0x7fffffff >> 4, "a leaf's code must fit in an int");
-    Faces mesh = {vertices, faces};
+    Faces mesh = { vertices, faces };
     int room = room_for(num_faces);
     BuildPrim* items = (BuildPrim*)scratch;
     BuildNode* branches = (BuildNode*)(items + room);

@@ -20,8 +20,8 @@ struct HorizonSampler {
     Vec3 corners[3], places[3];  // places: along the axes
     FaceAxes axes;
     Vec3 least, most;  // of its corners, along its axes
-    float slack;      // more than rounding moves what the mesh has
-    unsigned risen;   // four bits a sector: 15 - clearance
+    float slack;  // more than rounding moves what the mesh has
+    unsigned risen;  // four bits a sector: 15 - clearance
 
     WARPCAM_DEVICE explicit HorizonSampler(const Vec3 (&its)[3], float extent)
         : corners { its[0], its[1], its[2] }, axes(face_axes(its[0], its[1], its[2])), slack(1.0e-6f * extent), risen(0)
@@ -52,9 +52,7 @@ struct HorizonSampler {
 
     WARPCAM_DEVICE FromFace around_box(Vec3 center, Vec3 half) const
     {
-        const auto reach = [&](Vec3 n) {
-            return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z;
-        };
+        const auto reach = [&](Vec3 n) { return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z; };
         const Vec3 at = axes.of(center), out { reach(axes.along), reach(axes.across), reach(axes.normal) };
         return around(at - out, at + out);
     }
@@ -190,8 +188,7 @@ template <class Meshes> struct MeshFaces {
           faces(unsigned(wp::index(all.face_start, mesh))), low(as_vec3(wp::index(all.lower, mesh))),
           high(as_vec3(wp::index(all.upper, mesh)))
     {
-        extent = max(max(max(abs(low.x), abs(low.y)), max(abs(low.z), abs(high.x))),
-                       max(abs(high.y), abs(high.z)));
+        extent = max(max(max(abs(low.x), abs(low.y)), max(abs(low.z), abs(high.x))), max(abs(high.y), abs(high.z)));
     }
 
     // The face's corners, and the number that it was given.

@@ -27,7 +27,8 @@ inline void sort_along(const BuildPrim* items, int count, int axis, unsigned cha
     for (int i = 0; i < count; ++i) {
         float key = items[i].centroid(axis);
         int j = i;
-        for (; j > 0 && items[order[j - 1]].centroid(axis) > key; --j) order[j] = order[j - 1];
+        for (; j > 0 && items[order[j - 1]].centroid(axis) > key; --j)
+            order[j] = order[j - 1];
         order[j] = (unsigned char)i;
     }
 }
@@ -50,13 +51,17 @@ inline int split_few(BuildPrim* items, int count, int limit)
         box = Box::empty();
         for (int i = 1; i < count; ++i) {
             box.grow(items[order[i - 1]].box);
-            if (larger(i, count - i) <= limit) best.offer(box.area() * i + after[i], i, count, axis, 0);
+            if (larger(i, count - i) <= limit)
+                best.offer(box.area() * i + after[i], i, count, axis, 0);
         }
     }
-    if (best.first == 0) return 0;
+    if (best.first == 0)
+        return 0;
     BuildPrim sorted[kSweep];
-    for (int i = 0; i < count; ++i) sorted[i] = items[orders[best.axis][i]];
-    for (int i = 0; i < count; ++i) items[i] = sorted[i];
+    for (int i = 0; i < count; ++i)
+        sorted[i] = items[orders[best.axis][i]];
+    for (int i = 0; i < count; ++i)
+        items[i] = sorted[i];
     return best.first;
 }
 
@@ -99,9 +104,11 @@ inline ObjectSplit find_split(BuildPrim* items, int count, int limit, const Box&
                 best.offer(box.area() * n + after[b + 1], n, count, axis, b);
         }
     }
-    if (best.first == 0) return best;
-    Box parts[2] = {Box::empty(), Box::empty()};
-    for (int b = 0; b < kBins; ++b) parts[b > best.bin].grow(boxes[best.axis][b]);
+    if (best.first == 0)
+        return best;
+    Box parts[2] = { Box::empty(), Box::empty() };
+    for (int b = 0; b < kBins; ++b)
+        parts[b > best.bin].grow(boxes[best.axis][b]);
     best.overlap = parts[0].clip(parts[1]) ? parts[0].area() : 0.;
     return best;
 }
@@ -109,9 +116,12 @@ inline ObjectSplit find_split(BuildPrim* items, int count, int limit, const Box&
 inline void part(BuildPrim* items, int count, const ObjectSplit& split)
 {
     for (int i = 0, j = count - 1;; ++i, --j) {
-        while (i <= j && items[i].bin[split.axis] <= split.bin) ++i;
-        while (i <= j && items[j].bin[split.axis] > split.bin) --j;
-        if (i >= j) break;
+        while (i <= j && items[i].bin[split.axis] <= split.bin)
+            ++i;
+        while (i <= j && items[j].bin[split.axis] > split.bin)
+            --j;
+        if (i >= j)
+            break;
         swap(items[i], items[j]);
     }
 }
@@ -121,20 +131,27 @@ inline int split_halves(BuildPrim* items, int count, const Box& centers)
 {
     int axis = 0;
     for (int k = 1; k < 3; ++k)
-        if (centers.extent(k) > centers.extent(axis)) axis = k;
+        if (centers.extent(k) > centers.extent(axis))
+            axis = k;
     int half = count / 2, low = 0, high = centers.extent(axis) > 0.f ? count - 1 : 0;
     while (low < high) {  // quickselect; the pivot is the median of three
         float a = items[low].centroid(axis), b = items[(low + high) / 2].centroid(axis), c = items[high].centroid(axis);
         float pivot = larger(smaller(a, b), smaller(larger(a, b), c));
         int i = low, j = high;
         while (i <= j) {
-            while (items[i].centroid(axis) < pivot) ++i;
-            while (items[j].centroid(axis) > pivot) --j;
-            if (i <= j) swap(items[i++], items[j--]);
+            while (items[i].centroid(axis) < pivot)
+                ++i;
+            while (items[j].centroid(axis) > pivot)
+                --j;
+            if (i <= j)
+                swap(items[i++], items[j--]);
         }
-        if (half <= j) high = j;
-        else if (half >= i) low = i;
-        else break;
+        if (half <= j)
+            high = j;
+        else if (half >= i)
+            low = i;
+        else
+            break;
     }
     return half;
 }

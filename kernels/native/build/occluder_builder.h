@@ -44,9 +44,7 @@ struct OccluderCandidate {
     WARPCAM_DEVICE bool may_meet(Vec3 low_corner, Vec3 high_corner) const
     {
         const Vec3 at = axes.of(0.5f * (low_corner + high_corner) - center), half = 0.5f * (high_corner - low_corner);
-        const auto out = [&](Vec3 n) {
-            return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z;
-        };
+        const auto out = [&](Vec3 n) { return abs(n.x) * half.x + abs(n.y) * half.y + abs(n.z) * half.z; };
         const float z = out(axes.normal), x = out(axes.along), y = out(axes.across);
         if (at.z - z > high + slack || at.z + z < low - slack)
             return false;
@@ -94,14 +92,14 @@ struct OccluderCandidate {
 struct Way {
     int turn, slab;
 
-    WARPCAM_DEVICE explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) { }
+    WARPCAM_DEVICE explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) {}
 };
 
 // A box over a mesh's face, in leaf order, as far as it goes: how much it is worth, and its rows, if there is room for
 // them.
-template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutter(const Meshes& meshes, const Open& open,
-                                                                              int mesh, int face, Way way, int at,
-                                                                              const Rows& rows)
+template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutter(const Meshes& meshes,
+                                                                                  const Open& open, int mesh, int face,
+                                                                                  Way way, int at, const Rows& rows)
 {
     const MeshFaces<Meshes> around(meshes, mesh);
     const Vec3 sides = around.high - around.low;
@@ -116,8 +114,8 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     const Vec3 n = axes.normal;
     const float x = abs(n.x), y = abs(n.y), z = abs(n.z);
     const Vec3 flat = x <= y && x <= z ? Vec3 { 1.0f, 0.0f, 0.0f }
-                     : y <= z         ? Vec3 { 0.0f, 1.0f, 0.0f }
-                                      : Vec3 { 0.0f, 0.0f, 1.0f };
+                      : y <= z         ? Vec3 { 0.0f, 1.0f, 0.0f }
+                                       : Vec3 { 0.0f, 0.0f, 1.0f };
     const Vec3 first = cross(n, flat);
     const Vec3 side = rsqrt(max(dot(first, first), MIN_NORMAL)) * first, other = cross(n, side);
     const float angle = 1.5707964f / SHUTTER_TURNS * float(way.turn);
@@ -166,8 +164,7 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     for (int k = 0; k < SHUTTER_FORMS; ++k) {
         const float half_across = box.reach[k] * OccluderCandidate::form(k) - box.slack,
                     half_up = box.reach[k] / OccluderCandidate::form(k) - box.slack;
-        const float area =
-            max(half_across - depth, 0.0f) * max(half_up - depth, 0.0f);  // of what slanting rays pass
+        const float area = max(half_across - depth, 0.0f) * max(half_up - depth, 0.0f);  // of what slanting rays pass
         if (area > best) {
             best = area;
             across = half_across;
@@ -179,8 +176,9 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     const Vec3 middle = box.center + 0.5f * (box.low + box.high) * n;
     const auto row = [&](int number, Vec3 axis, float half) {
         const float rate = 1.0f / half;
-        reinterpret_cast<Float3Int*>(rows.data)[SHUTTER_ROWS * at + number]
-            = { rate * axis.x, rate * axis.y, rate * axis.z, as_int(-rate * dot(axis, middle)) };
+        reinterpret_cast<Float3Int*>(rows.data)[SHUTTER_ROWS * at + number] = { rate * axis.x, rate * axis.y,
+                                                                                rate * axis.z,
+                                                                                as_int(-rate * dot(axis, middle)) };
     };
     row(0, axes.along, across);
     row(1, axes.across, up);

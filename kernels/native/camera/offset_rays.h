@@ -59,7 +59,10 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
 
     WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(beam(), record); }
 
-    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const { return frame_along(local(record)); }
+    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
+    {
+        return frame_along(local(record));
+    }
 
     WARPCAM_DEVICE const Float3Int* own_rows() const
     {
@@ -74,7 +77,8 @@ private:
     {
         const Float3Int* const rows = own_rows();
         const int links = load(rows, 0).w & (before | after), length = SPREAD_ROWS * pixels;
-        const Float3Int *const from = links & before ? rows - length : rows, *const to = links & after ? rows + length : rows;
+        const Float3Int *const from = links & before ? rows - length : rows, *const to =
+                                                                                 links & after ? rows + length : rows;
         const float rate = links == (before | after) ? 0.5f : 1.0f;
         return { rate * (as_vec3(load(to, 0)) - as_vec3(load(from, 0))),
                  rate * (as_vec3(load(to, 1)) - as_vec3(load(from, 1))) };

@@ -139,7 +139,7 @@ template <int LENS, class Number> WARPCAM_DEVICE Number widths_at(Number depth)
 
 // A camera with a table as one of its pixels has it: its ray, and how that changes to the next pixel across, in scale_x
 // and scale_y, and down, in center_x and center_y. Of a spread ray that is asked of the ray.
-struct PixelCamera: Camera {
+struct PixelCamera : Camera {
     float x, y;
 };
 

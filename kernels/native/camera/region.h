@@ -23,7 +23,7 @@ struct PackedTileRect {
     WARPCAM_DEVICE static unsigned of(const TileRect& box)
     {
         return unsigned(128 - box.left) | unsigned(128 - box.top) << 8 | unsigned(128 + box.right) << 16
-            | unsigned(128 + box.bottom) << 24;
+               | unsigned(128 + box.bottom) << 24;
     }
     // Sum of steps for any of a block of tiles, in so many columns and rows from the first.
     WARPCAM_DEVICE static unsigned steps(int column, int row, int columns, int rows)

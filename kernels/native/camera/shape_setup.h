@@ -80,8 +80,8 @@ WARPCAM_DEVICE LocalBounds stretched_by(const LocalBounds& e, Vec3 s)
 
 // Type-specific part: box, scale and size row. False if the shape draws nothing.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields, LocalBounds& extent,
-                         Vec3& scale, ShapeRecord& record)
+WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
+                                 LocalBounds& extent, Vec3& scale, ShapeRecord& record)
 {
     scale = { 1.0f, 1.0f, 1.0f };
     const int asset = shape.asset;
@@ -99,9 +99,7 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
         extent.center = { 0.5f * (lo[0] + hi[0]), 0.5f * (lo[1] + hi[1]), 0.5f * (lo[2] + hi[2]) };
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
-        record.size.x =
-            max(max(abs(lo[0]), abs(hi[0])),
-                  max(max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2]))));
+        record.size.x = max(max(abs(lo[0]), abs(hi[0])), max(max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2]))));
         record.size.y = as_float(wp::index(meshes.node_start, asset));
         record.size.z = as_float(wp::index(meshes.face_start, asset));
         if (stretched)
@@ -140,7 +138,8 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
 }
 
 // First and last tile along one axis whose pixel centres lie between two image coordinates.
-WARPCAM_DEVICE void tile_span(float lo, float hi, int start, int length, int tile, signed char& first, signed char& last)
+WARPCAM_DEVICE void tile_span(float lo, float hi, int start, int length, int tile, signed char& first,
+                              signed char& last)
 {
     const float margin = 0.01f;  // pixels; covers the rounding of the projection
     const float a = max(lo - margin - float(start), 0.0f), b = min(hi + margin - float(start), float(length - 1));
@@ -234,7 +233,8 @@ WARPCAM_DEVICE TileRect spread_tiles(const Camera& camera, const Region& region,
     for (int row = 0; row < down; ++row)
 #pragma unroll 1
         for (int column = 0; column < across; ++column) {
-            const Float3Int* tile = tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
+            const Float3Int* tile =
+                tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
             const Float3Int cone = load(tile, 0), starts = load(tile, 1);
             const Vec3 offset { center.x - starts.x, center.y - starts.y, center.z - starts.z };
             const float length = sqrt(dot(offset, offset)),
@@ -257,8 +257,8 @@ struct BoundsAndScale {
 
 // Per-shape data that depends on no camera; also the size row of the shape's record.
 template <int TYPES, class Meshes, class HeightFields>
-WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields, BoundsAndScale& form,
-                             ShapeRecord& record)
+WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
+                                 BoundsAndScale& form, ShapeRecord& record)
 {
     float sum = shape.position.x + shape.position.y + shape.position.z;
     for (int i = 0; i < 3; ++i)
@@ -276,19 +276,19 @@ WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const
 // many.
 template <int TYPES, int LENS, bool BOXES = true, int CORNERS = 1>
 WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, const Camera& camera, const Region& region,
-                         ShapeRecord& record, TileRect& tiles)
+                             ShapeRecord& record, TileRect& tiles)
 {
     const LocalBounds& extent = form.extent;
     const Vec3 scale = form.scale;
     const Vec3 away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
-                     camera.origin.z - shape.position.z };
+                      camera.origin.z - shape.position.z };
     const Vec3 o = transform_transposed(shape.rotation, away);
     Mat3 m;  // camera to shape
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             m.at[i][j] = shape.rotation.at[0][i] * camera.rotation.at[0][j]
-                + shape.rotation.at[1][i] * camera.rotation.at[1][j]
-                + shape.rotation.at[2][i] * camera.rotation.at[2][j];
+                         + shape.rotation.at[1][i] * camera.rotation.at[1][j]
+                         + shape.rotation.at[2][i] * camera.rotation.at[2][j];
 
     const int across = (region.width - 1) / TILE_WIDTH, down = (region.height - 1) / TILE_HEIGHT;
     tiles = { 0, 0, static_cast<signed char>(across), static_cast<signed char>(down) };
@@ -307,8 +307,8 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
         if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
             const Float3Int s = all_starts(camera);
             const Vec3 from { m.at[0][0] * s.x + m.at[0][1] * s.y + m.at[0][2] * s.z,
-                             m.at[1][0] * s.x + m.at[1][1] * s.y + m.at[1][2] * s.z,
-                             m.at[2][0] * s.x + m.at[2][1] * s.y + m.at[2][2] * s.z };
+                              m.at[1][0] * s.x + m.at[1][1] * s.y + m.at[1][2] * s.z,
+                              m.at[2][0] * s.x + m.at[2][1] * s.y + m.at[2][2] * s.z };
             distances({ offset.x - from.x, offset.y - from.y, offset.z - from.z }, e, nearest, farthest);
             nearest = max(nearest - as_float(s.w), 0.0f);
             farthest += as_float(s.w);
@@ -337,8 +337,8 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
                 for (int k = 0; k < 4; ++k) {
                     const float b = k & 1 ? e.y : -e.y, c = k & 2 ? e.z : -e.z;
                     const Vec3 middle { center.x + m.at[1][0] * b + m.at[2][0] * c,
-                                       center.y + m.at[1][1] * b + m.at[2][1] * c,
-                                       depth - (m.at[1][2] * b + m.at[2][2] * c) };
+                                        center.y + m.at[1][1] * b + m.at[2][1] * c,
+                                        depth - (m.at[1][2] * b + m.at[2][2] * c) };
                     const float w = LENS == ORTHOGRAPHIC ? 1.0f : rcp(middle.z - side.z);
                     const float v = LENS == ORTHOGRAPHIC ? 1.0f : rcp(middle.z + side.z);
                     span.take((middle.x + side.x) * w, (middle.x - side.x) * v, (middle.y + side.y) * w,
@@ -368,8 +368,8 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
 // All of it.
 template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Visible setup_shape(const Shape& shape, const Camera& camera, const Region& region,
-                                         const Meshes& meshes, const HeightFields& fields, ShapeRecord& record,
-                                         TileRect& tiles)
+                                                        const Meshes& meshes, const HeightFields& fields,
+                                                        ShapeRecord& record, TileRect& tiles)
 {
     BoundsAndScale form;
     const Visible found = find_form<TYPES>(shape, meshes, fields, form, record);

@@ -11,12 +11,12 @@ struct TileRays {
 
 // Intersects a tile's rays with the slab between two planes across an axis of a shape, `low` and `high` above the rays'
 // common origin: when the first ray may enter, and the last leave. Returns false if none enters.
-WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, float low, float high, float& enter, float& leave)
+WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, float low, float high, float& enter,
+                               float& leave)
 {
     const float left = axis.x * tile.left, right = axis.x * tile.right;
     const float bottom = axis.y * tile.bottom, top = axis.y * tile.top;
-    const float slack = 1.0e-6f
-        * (abs(left) + abs(right) + abs(bottom) + abs(top) + abs(axis.z));
+    const float slack = 1.0e-6f * (abs(left) + abs(right) + abs(bottom) + abs(top) + abs(axis.z));
     const float least = min(left, right) + min(bottom, top) - axis.z - slack;  // of the rays' steps along the axis
     const float most = max(left, right) + max(bottom, top) - axis.z + slack;
     const bool above = low > 0.0f, below = high < 0.0f;
@@ -37,9 +37,9 @@ WARPCAM_DEVICE bool may_meet_box(const ShapeRecord& record, Vec3 low, Vec3 high,
     const float pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z) + record.size.x);
     float enter = 0.0f, leave = MISS;
     return cross_slab(tile, record.axis_x, low.x - pad - o.x, high.x + pad - o.x, enter, leave)
-        && cross_slab(tile, record.axis_y, low.y - pad - o.y, high.y + pad - o.y, enter, leave)
-        && cross_slab(tile, record.axis_z, low.z - pad - o.z, high.z + pad - o.z, enter, leave)
-        && 0.9999f * enter <= 1.0001f * leave;
+           && cross_slab(tile, record.axis_y, low.y - pad - o.y, high.y + pad - o.y, enter, leave)
+           && cross_slab(tile, record.axis_z, low.z - pad - o.z, high.z + pad - o.z, enter, leave)
+           && 0.9999f * enter <= 1.0001f * leave;
 }
 
 }  // namespace warpcam

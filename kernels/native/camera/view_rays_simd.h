@@ -197,8 +197,7 @@ private:
             load_pairs(entry(i, j), its_x, its_y);
         } else {
             for (int k = 0; k < SIMD_WIDTH; ++k) {
-                const int pixel = pixels[min(k, count - 1)], own_i = left + pixel % WIDTH,
-                          own_j = top + pixel / WIDTH;
+                const int pixel = pixels[min(k, count - 1)], own_i = left + pixel % WIDTH, own_j = top + pixel / WIDTH;
                 const int its_i = own_i + right, its_j = own_j + under;
                 const bool within = its_i >= 0 && its_i < across && its_j >= 0 && its_j < down;
                 there[k] = within ? -1 : 0;
@@ -219,8 +218,7 @@ private:
             beside(pixels, count, -right, -under, from_x, from_y) & beside(pixels, count, right, under, to_x, to_y);
         const Float8 share = own_x >= NO_RAY ? (Float8)0.0f : both ? (Float8)0.5f : (Float8)1.0f;
         const Float8 dx = share * (to_x - from_x), dy = share * (to_y - from_y);
-        const Float8 rate = rcp(1.0f + own_x * own_x + own_y * own_y),
-                     along = 2.0f * rate * (own_x * dx + own_y * dy);
+        const Float8 rate = rcp(1.0f + own_x * own_x + own_y * own_y), along = 2.0f * rate * (own_x * dx + own_y * dy);
         return { 2.0f * rate * (dx - along * own_x), 2.0f * rate * (dy - along * own_y), 2.0f * rate * along };
     }
 };

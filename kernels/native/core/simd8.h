@@ -222,7 +222,7 @@ inline Float8 pow(Float8 base, float exponent)
     if (float(whole) != exponent)
         return exp2(exponent * log2(base));
     // by squares, of what is large enough for them to be normal numbers, too: 2^(-64 / exponent), 6 % above it at most
-    base = max(base, (Float8)__builtin_bit_cast(float, 0x3f800000 - int(64.0f / exponent * 0x800000)));
+    base = max(base, (Float8) __builtin_bit_cast(float, 0x3f800000 - int(64.0f / exponent * 0x800000)));
     Float8 product = whole & 1 ? base : (Float8)1.0f;
     for (int left = whole >> 1; left; left >>= 1) {
         base *= base;
@@ -236,7 +236,7 @@ inline Float8 fourth_power(Float8 a) { return (a * a) * (a * a); }
 // Abramowitz and Stegun 4.4.49, to 2e-8 of its tangent.
 inline Float8 atan2(Float8 y, Float8 x)
 {
-    constexpr float SERIES[] = { -0.3333314528f, 0.1999355085f,  -0.1420889944f, 0.1065626393f,
+    constexpr float SERIES[] = { -0.3333314528f, 0.1999355085f, -0.1420889944f, 0.1065626393f,
                                  -0.0752896400f, 0.0429096138f, -0.0161657367f, 0.0028662257f };
     const Float8 up = abs(y), side = abs(x), most = max(up, side);
     const Float8 rate = min(up, side) / max(most, (Float8)MIN_NORMAL), square = rate * rate;
@@ -296,7 +296,7 @@ inline void set_lane(Vec3x8& v, int k, Vec3 value)
 inline Int8 to_bytes(Vec3x8 color)
 {
     const Vec3x8 steps { saturate(color.x) * 255.0f + 0.5f, saturate(color.y) * 255.0f + 0.5f,
-                       saturate(color.z) * 255.0f + 0.5f };
+                         saturate(color.z) * 255.0f + 0.5f };
     return to_int(steps.x) | to_int(steps.y) << 8 | to_int(steps.z) << 16;
 }
 

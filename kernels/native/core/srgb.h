@@ -18,11 +18,17 @@ template <class Number> WARPCAM_DEVICE Number encoded_beyond(Number light)
 // Cuts off what a display cannot show.
 template <class Number> WARPCAM_DEVICE Number linear_to_srgb(Number light) { return encoded_beyond(saturate(light)); }
 
-WARPCAM_DEVICE Vec3 srgb_to_linear(Vec3 color) { return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) }; }
+WARPCAM_DEVICE Vec3 srgb_to_linear(Vec3 color)
+{
+    return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) };
+}
 WARPCAM_DEVICE Vec3 encoded_beyond(Vec3 light)
 {
     return { encoded_beyond(light.x), encoded_beyond(light.y), encoded_beyond(light.z) };
 }
-WARPCAM_DEVICE Vec3 linear_to_srgb(Vec3 light) { return { linear_to_srgb(light.x), linear_to_srgb(light.y), linear_to_srgb(light.z) }; }
+WARPCAM_DEVICE Vec3 linear_to_srgb(Vec3 light)
+{
+    return { linear_to_srgb(light.x), linear_to_srgb(light.y), linear_to_srgb(light.z) };
+}
 
 }  // namespace warpcam

@@ -105,7 +105,10 @@ WARPCAM_DEVICE unsigned to_byte(float value)
 }
 
 // A colour as the bytes R, G, B of a word, the fourth 0.
-WARPCAM_DEVICE unsigned to_bytes(Vec3 color) { return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16; }
+WARPCAM_DEVICE unsigned to_bytes(Vec3 color)
+{
+    return to_byte(color.x) | to_byte(color.y) << 8 | to_byte(color.z) << 16;
+}
 
 static WARPCAM_NOINLINE int remainder(int a, int b) { return a % b; }
 

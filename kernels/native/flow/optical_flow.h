@@ -19,14 +19,14 @@ template <int LENS> WARPCAM_DEVICE float project_previous(const Float3Int& by, f
 
 // Motion of a point of a mesh's face in the mesh's own frame, without the shape's scale.
 template <int TYPES, int LENS, class Trail, class Shapes>
-WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, const Camera& camera, const CameraRay<LENS>& seen,
-                              const Hit& hit, int corners, int world)
+WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, const Camera& camera,
+                                   const CameraRay<LENS>& seen, const Hit& hit, int corners, int world)
 {
     const auto r = wp::index(shapes.rotations, world, hit.shape);
     const Vec3 away = point_of(hit, camera, seen) - as_vec3(wp::index(shapes.positions, world, hit.shape));
     Vec3 local { r.data[0][0] * away.x + r.data[1][0] * away.y + r.data[2][0] * away.z,
-                r.data[0][1] * away.x + r.data[1][1] * away.y + r.data[2][1] * away.z,
-                r.data[0][2] * away.x + r.data[1][2] * away.y + r.data[2][2] * away.z };
+                 r.data[0][1] * away.x + r.data[1][1] * away.y + r.data[2][1] * away.z,
+                 r.data[0][2] * away.x + r.data[1][2] * away.y + r.data[2][2] * away.z };
     if (TYPES >> PER_SHAPE_SCALE & 1) {
         const Vec3 size = as_vec3(per_world(shapes.sizes, world, hit.shape));
         local = { local.x / size.x, local.y / size.y, local.z / size.z };
@@ -34,7 +34,7 @@ WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, con
     const unsigned row = wp::index(trail.face_start, per_world(shapes.assets, world, hit.shape)) + 3 * hit.face;
     const Float3Int first = load(trail.faces.data, row);
     const Vec3 a = as_vec3(first), b = as_vec3(load(trail.faces.data, row + 1)),
-              c = as_vec3(load(trail.faces.data, row + 2));
+               c = as_vec3(load(trail.faces.data, row + 2));
     const Vec3 edge1 = b - a, edge2 = c - a, normal = cross(edge1, edge2), place = local - a;
     const float rate = 1.0f / max(dot(normal, normal), MIN_NORMAL);
     const float weight1 = dot(cross(place, edge2), normal) * rate, weight2 = dot(cross(edge1, place), normal) * rate;
@@ -49,7 +49,7 @@ struct Beside {
     float place;  // from where the image begins; rounded down the number of one pixel, half a pixel further the other's
 
     // The coordinate sought is x * scale from the middle of the image's first pixel.
-    WARPCAM_DEVICE Beside(float x, float scale) : place(fma(x, scale, 0.25f)) { }
+    WARPCAM_DEVICE Beside(float x, float scale) : place(fma(x, scale, 0.25f)) {}
     // True if both pixels are inside. Bits of floats that are not negative are in order; all others are above them.
     WARPCAM_DEVICE bool inside(int pixels) const
     {
@@ -61,9 +61,9 @@ struct Beside {
 // Tests whether the previous image showed the surface at a position inside of it, at distance `depth`. The pixel there
 // must show the shape, and so must one that has a quarter or more of the weight in an interpolation there; the surface
 // must not be farther than one of them by more than `last` allows.
-template <class Trail, class Places>
-WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape, const Beside& x, const Beside& y,
-                         const Float3Int& last, float depth)
+template <class Trail, class Places> WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape,
+                                                                  const Beside& x, const Beside& y,
+                                                                  const Float3Int& last, float depth)
 {
     return Places::Keeps::show(places.word_at_place(trail, x.place, y.place),
                                places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
@@ -73,7 +73,8 @@ WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape
 template <int LENS> struct PixelMotion {
     float right, down;
 
-    WARPCAM_DEVICE PixelMotion(const Float3Int& across, const Float3Int& along, const Float3Int& away, float x, float y, float depth)
+    WARPCAM_DEVICE PixelMotion(const Float3Int& across, const Float3Int& along, const Float3Int& away, float x, float y,
+                               float depth)
     {
         const float now = project_previous<LENS>(away, x, y, depth), rate = LENS == PINHOLE ? rcp(now) : 1.0f;
         const bool ahead = LENS != PINHOLE || now > 0.0f;
@@ -85,8 +86,8 @@ template <int LENS> struct PixelMotion {
 // Writes the flow of pixel (i, j) and of those `step` rows below each other that show one shape, which does not move in
 // its own frame; pixel_of(k): their numbers.
 template <int LENS, int COUNT, class Trail, class Places, class PixelOf>
-WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int shape, const Hit (&hits)[COUNT], int i, int j,
-                            int step, const PixelOf& pixel_of)
+WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int shape, const Hit (&hits)[COUNT], int i,
+                                int j, int step, const PixelOf& pixel_of)
 {
     const auto rows = places.of_shape(shape);
     float right[COUNT] = {}, down[COUNT] = {};
@@ -105,7 +106,8 @@ WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int sh
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
 template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
-                         const CameraRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below, Index pixel)
+                             const CameraRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below,
+                             Index pixel)
 {
     constexpr bool MOVES = WANTED & FLOW_MOVES;
     using Keeps = typename Places::Keeps;

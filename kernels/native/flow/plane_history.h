@@ -76,7 +76,7 @@ struct FlowFloor {
 };
 
 // Room for that, if it is wanted.
-struct NoFloor { };
+struct NoFloor {};
 template <bool WANTED> struct FloorOf {
     using type = FlowFloor;
 };
@@ -99,7 +99,7 @@ template <class Shapes> WARPCAM_DEVICE int floor_of(const Shapes& shapes, int co
 {
     const int lane = threadIdx.x % WARP_SIZE;
     const unsigned planes = __ballot_sync(FULL_WARP, lane < count && wp::index(shapes.types, lane) == PLANE
-                                                   && wp::index(shapes.places, lane) >= 0);
+                                                         && wp::index(shapes.places, lane) >= 0);
     return planes ? ctz(planes) : FlowFloor::NONE;
 }
 
@@ -133,7 +133,7 @@ WARPCAM_DEVICE void begin_floor(Places& places, const Trail& trail, const Region
 // For a thread: how the floor has moved, by its rows.
 template <class Places, class Rows, class Shapes>
 WARPCAM_DEVICE void find_slopes(Places& places, const Rows& rows, const Shapes& shapes, const Camera& camera, int world,
-                            int shape)
+                                int shape)
 {
     FlowFloor& floor = places.floor;
     floor.moves = false;
@@ -142,7 +142,8 @@ WARPCAM_DEVICE void find_slopes(Places& places, const Rows& rows, const Shapes& 
     const Float3Int last = rows.at(3), a = rows.at(0), b = rows.at(1), c = rows.at(2);
     const auto r = wp::index(shapes.rotations, world, shape);
     const Vec3 normal = transform_transposed(camera.rotation, { r.data[0][2], r.data[1][2], r.data[2][2] });
-    const Vec3 away = transform_transposed(camera.rotation, as_vec3(wp::index(shapes.positions, world, shape)) - camera.origin);
+    const Vec3 away =
+        transform_transposed(camera.rotation, as_vec3(wp::index(shapes.positions, world, shape)) - camera.origin);
     const float rate = 1.0f / dot(normal, away);
     Slope near { 0.0f, rate * normal.x * camera.scale_x, -rate * normal.y * camera.scale_y };
     near.start = near.right * (0.5f - camera.center_x) + near.down * (0.5f - camera.center_y) - rate * normal.z;
@@ -197,12 +198,11 @@ WARPCAM_DEVICE void find_seen_floor(Places& places, const Region& region, int wi
         left += 0.25f - SLACK, top += 0.25f - SLACK, right += 0.75f + SLACK, bottom += 0.75f + SLACK;
         const bool inside = (left >= 0.0f) & (top >= 0.0f) & (right < last_i + 1.0f) & (bottom < last_j + 1.0f);
         seen = seen & (right > -MISS) & (bottom > -MISS) & (left < MISS) & (top < MISS);  // numbers
-        const int first = int(min(max(left, 0.0f), last_i + 1.0f)),
-                  above = int(min(max(top, 0.0f), last_j + 1.0f));
+        const int first = int(min(max(left, 0.0f), last_i + 1.0f)), above = int(min(max(top, 0.0f), last_j + 1.0f));
         const int end = int(max(min(right, last_i), -1.0f)), below = int(max(min(bottom, last_j), -1.0f));
         if (seen && first <= end && above <= below)
             seen = below - above < 2 * FlowFloor::PART && end - first < 2 * FlowFloor::PART
-                && floor.showed<Places::WHOLE>(width, first, end, above, below, thread & 1);
+                   && floor.showed<Places::WHOLE>(width, first, end, above, below, thread & 1);
         const bool other = __shfl_xor_sync(FULL_WARP, seen, 1);
         if (seen && other && !(thread & 1))
             *const_cast<volatile int*>(floor.seen + part) = inside ? floor.shape : floor.shape | FlowFloor::OUTSIDE;

@@ -56,8 +56,7 @@ WARPCAM_DEVICE float steps_of(int kind, const ShapePose& pose, const Camera& cam
     const float farthest = abs(dot(axis, camera.origin - pose.position)) + radius;
     const DepthTolerance reach = reach_of(kind, camera, pinhole);
     return MOST_APART
-           * rcp(
-               max(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
+           * rcp(max(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
 }
 
 WARPCAM_DEVICE float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * rcp(now); }
@@ -96,9 +95,11 @@ WARPCAM_DEVICE void put_unknown(Float3Int* motion, int step)
 WARPCAM_DEVICE ShapePose pose_before(const Float3Int* before, int columns)
 {
     const Float3Int a = load(before, 0), b = load(before, columns), c = load(before, 2 * columns),
-              d = load(before, 3 * columns);
-    return { as_vec3(a), { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
-             { as_float(a.w), as_float(b.w), as_float(c.w) }, d.w };
+                    d = load(before, 3 * columns);
+    return { as_vec3(a),
+             { { { b.x, b.y, b.z }, { c.x, c.y, c.z }, { d.x, d.y, d.z } } },
+             { as_float(a.w), as_float(b.w), as_float(c.w) },
+             d.w };
 }
 
 template <class Shapes> WARPCAM_DEVICE ShapePose pose_now(const Shapes& shapes, int world, int shape)
@@ -136,8 +137,8 @@ struct Projection {
     float right, down, column, row;
 
     WARPCAM_DEVICE Projection(const Camera& camera, bool pinhole)
-        : right(rcp(camera.scale_x)), down(-rcp(camera.scale_y)),
-          column(pinhole ? camera.center_x - 0.5f : 0.0f), row(pinhole ? camera.center_y - 0.5f : 0.0f)
+        : right(rcp(camera.scale_x)), down(-rcp(camera.scale_y)), column(pinhole ? camera.center_x - 0.5f : 0.0f),
+          row(pinhole ? camera.center_y - 0.5f : 0.0f)
     {
     }
     // Row i of what that makes of a vector's or three vectors' rows.
@@ -151,8 +152,8 @@ struct Projection {
 // not only what rests.
 template <bool MOVES, bool DEPTHS, class Trail>
 WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
-                               const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
-                               Float3Int* motion, int step)
+                                   const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
+                                   Float3Int* motion, int step)
 {
     const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
@@ -208,15 +209,17 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
     if (MOVES && corner >= 0) {
         Vec3 columns[3];  // of the mesh's frame, in the camera's
         for (int j = 0; j < 3; ++j) {
-            columns[j] =
-                transform_transposed(then.rotation, { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
+            columns[j] = transform_transposed(then.rotation,
+                                              { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
             if (scaled)
                 columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
         }
         for (int i = 0; i < 3; ++i)
-            put_row(motion, (4 + i) * step, { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
-                                     pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
-                                     pixels.of(i, columns[2].x, columns[2].y, columns[2].z) }, 0.0f);
+            put_row(motion, (4 + i) * step,
+                    { pixels.of(i, columns[0].x, columns[0].y, columns[0].z),
+                      pixels.of(i, columns[1].x, columns[1].y, columns[1].z),
+                      pixels.of(i, columns[2].x, columns[2].y, columns[2].z) },
+                    0.0f);
     }
     DepthTolerance reach = reach_of(kind, then, pinhole);
     if (kind == PLANE)
@@ -238,8 +241,8 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
 // `after`, unless null: `before` itself or another array.
 template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
 WARPCAM_DEVICE void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                  int world, int shape, bool pinhole, bool scaled, bool brief, const Float3Int* before,
-                                  Float3Int* after, Float3Int* motion)
+                                      int world, int shape, bool pinhole, bool scaled, bool brief,
+                                      const Float3Int* before, Float3Int* after, Float3Int* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
     const ShapePose old = pose_before(before, trail.columns), pose = pose_now(shapes, world, shape);
@@ -254,14 +257,14 @@ WARPCAM_DEVICE void compose_motion_of(const Trail& trail, const Shapes& shapes, 
 // A shape of a world by a thread; `index` counts worlds, then shapes.
 template <class Shapes, class Views, class Mask, class Trail>
 WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail,
-                             bool pinhole, bool scaled, bool brief, bool keep, bool moves, int index)
+                                 bool pinhole, bool scaled, bool brief, bool keep, bool moves, int index)
 {
     const int world = index / trail.columns, shape = index - world * trail.columns;
     if (!wp::index(mask, world))
         return;
     const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
     Float3Int* motion = reinterpret_cast<Float3Int*>(trail.motions.data)
-        + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
+                        + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
     Float3Int* before = reinterpret_cast<Float3Int*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
     Float3Int* after = keep ? before : nullptr;
     if (moves)
@@ -276,18 +279,21 @@ WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const
 // compose, since the first set shapes up. KEEP: this block writes the poses.
 template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
 WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                int world, bool keep, int thread, Float3Int* motions)
+                                    int world, bool keep, int thread, Float3Int* motions)
 {
     constexpr bool DEPTHS = (WANTED & FLOW_VALID) != 0;
     const bool in_first = wp::index(trail.known, world) == FIRST;
-    const Float3Int* one = reinterpret_cast<const Float3Int*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
-    const Float3Int* other = reinterpret_cast<const Float3Int*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Float3Int* one =
+        reinterpret_cast<const Float3Int*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
+    const Float3Int* other =
+        reinterpret_cast<const Float3Int*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
     const Float3Int* before = in_first ? one : other;
     Float3Int* after = const_cast<Float3Int*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
         compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE,
-                                         (TYPES >> PER_SHAPE_SCALE & 1) != 0, (WANTED & FLOW_BRIEF) != 0, before + shape,
-                                         keep ? after + shape : nullptr, motions + motion_rows<false>() * (shape + 1));
+                                         (TYPES >> PER_SHAPE_SCALE & 1) != 0, (WANTED & FLOW_BRIEF) != 0,
+                                         before + shape, keep ? after + shape : nullptr,
+                                         motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }

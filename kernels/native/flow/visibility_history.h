@@ -196,7 +196,10 @@ struct VisibilityHistory {
     }
 
     template <class Trail> WARPCAM_DEVICE static int width(const Trail& trail) { return WHOLE ? WIDTH : trail.width; }
-    template <class Trail> WARPCAM_DEVICE static int height(const Trail& trail) { return WHOLE ? HEIGHT : trail.height; }
+    template <class Trail> WARPCAM_DEVICE static int height(const Trail& trail)
+    {
+        return WHOLE ? HEIGHT : trail.height;
+    }
 
     // Index of a pixel's word: strips of eight pixels' width, so that the words of a tile are neighbours.
     template <class Trail> WARPCAM_DEVICE static unsigned place_of(const Trail& trail, unsigned column, unsigned row)
@@ -214,8 +217,8 @@ struct VisibilityHistory {
     template <class Trail> WARPCAM_DEVICE unsigned word_at_place(const Trail& trail, float across, float along) const
     {
         if constexpr (NEAR) {
-            const unsigned from_first = NEAR_BYTES * bits_below(along, ROW_START)
-                + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
+            const unsigned from_first =
+                NEAR_BYTES * bits_below(along, ROW_START) + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
             return *reinterpret_cast<const Word*>(reinterpret_cast<const char*>(near_words) + from_first);
         } else {
             return word_of(trail, pixel_below(across), pixel_below(along));

@@ -154,14 +154,21 @@ WARPCAM_DEVICE NumberOf<Vector> enter_barrel(Vector o, Vector d, NumberOf<Vector
 template <int TYPE, class Vector> WARPCAM_DEVICE NumberOf<Vector> enter(const ShapeRecord& record, Vector o, Vector d)
 {
     switch (TYPE) {
-    case PLANE: return enter_plane(o, d, record.size.x, record.size.y);
+    case PLANE:
+        return enter_plane(o, d, record.size.x, record.size.y);
     case SPHERE:
-    case ELLIPSOID: return enter_sphere(o, d);
-    case CAPSULE: return enter_capsule(o, d, enter_side(o, d), record.size.x);
-    case CYLINDER: return enter_cylinder(o, d);
-    case CONE: return enter_cone(o, d);
-    case BARREL: return enter_barrel(o, d, record.size.x, record.size.y);
-    default: return intersect_box(o, d);
+    case ELLIPSOID:
+        return enter_sphere(o, d);
+    case CAPSULE:
+        return enter_capsule(o, d, enter_side(o, d), record.size.x);
+    case CYLINDER:
+        return enter_cylinder(o, d);
+    case CONE:
+        return enter_cone(o, d);
+    case BARREL:
+        return enter_barrel(o, d, record.size.x, record.size.y);
+    default:
+        return intersect_box(o, d);
     }
 }
 template <int TYPE> WARPCAM_DEVICE float enter(const ShapeRecord& record, Ray ray)
@@ -194,8 +201,8 @@ WARPCAM_DEVICE void enter_all(const ShapeRecord& record, const Ray (&rays)[COUNT
 template <int TYPES> WARPCAM_DEVICE float intersect_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
-#define WARPCAM_TRY(TYPE) \
-    if ((TYPES >> TYPE & 1) && type == TYPE) \
+#define WARPCAM_TRY(TYPE)                                                                                              \
+    if ((TYPES >> TYPE & 1) && type == TYPE)                                                                           \
         return enter<TYPE>(record, ray);
     WARPCAM_TRY(PLANE)
     WARPCAM_TRY(SPHERE)

@@ -5,7 +5,8 @@
 namespace warpcam {
 
 // MISS where the ray misses. Of planes, cones and barrels always.
-template <int TYPE, class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
+template <int TYPE, class Vector>
+WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
 {
     if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
         return MISS;
@@ -21,8 +22,8 @@ template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& recor
 template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
-#define WARPCAM_TRY(TYPE) \
-    if ((TYPES >> TYPE & 1) && type == TYPE) \
+#define WARPCAM_TRY(TYPE)                                                                                              \
+    if ((TYPES >> TYPE & 1) && type == TYPE)                                                                           \
         return intersect_exit<TYPE>(record, ray);
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(CAPSULE)

@@ -33,7 +33,7 @@ WARPCAM_DEVICE bool has_opacity_map(const Shapes& shapes, const Materials& mater
 {
     const int material = per_world(shapes.materials, world, id), rows = materials.texture.shape[0];
     return material >= 0 && material < materials.color.shape[1]
-        && *wp::address(materials.texture, world % rows, material, OPACITY_MAP) >= 0;
+           && *wp::address(materials.texture, world % rows, material, OPACITY_MAP) >= 0;
 }
 
 // True if the shape hides what lies behind it. `places` is not -1 for shapes that may be transparent. MAPS: some

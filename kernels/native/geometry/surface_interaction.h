@@ -38,12 +38,12 @@ template <class Vector> struct TriangleOf {
 };
 
 template <class Vector> struct SurfaceInteractionOf {
-    Vector local;                       // the hit [m]
-    Vector normal;                      // unit, outwards, of the geometry itself: a mesh's flat face
-    IntOf<Vector> part;                 // SIDE, TOP, BOTTOM; of a box the axis
-    IntOf<Vector> corner;               // mesh: first corner of the face in Meshes.normals and Meshes.uvs
+    Vector local;  // the hit [m]
+    Vector normal;  // unit, outwards, of the geometry itself: a mesh's flat face
+    IntOf<Vector> part;  // SIDE, TOP, BOTTOM; of a box the axis
+    IntOf<Vector> corner;  // mesh: first corner of the face in Meshes.normals and Meshes.uvs
     MaskOf<Vector> flat;  // mesh: `normal` is that of its corners, too, and Meshes.normals is not to be read
-    TriangleOf<Vector> triangle;        // mesh, height field
+    TriangleOf<Vector> triangle;  // mesh, height field
     NumberOf<Vector> weight1, weight2;  // barycentric weights of the triangle's second and third corner
 };
 
@@ -144,8 +144,7 @@ WARPCAM_DEVICE void height_field_top(const Size& size, int rows, int columns, Nu
 {
     using Number = NumberOf<Vector>;
     const Number none = 0.0f, one = 1.0f;
-    const float rate_x = float(columns - 1) * rcp(2.0f * size[0]),
-                rate_y = float(rows - 1) * rcp(2.0f * size[1]);
+    const float rate_x = float(columns - 1) * rcp(2.0f * size[0]), rate_y = float(rows - 1) * rcp(2.0f * size[1]);
     const Number step_x = rcp(rate_x), step_y = rcp(rate_y);
     const Vector origin { column * step_x - size[0], row * step_y - size[1], height };
     const Number a = (surface.local.x - origin.x) * rate_x, b = (surface.local.y - origin.y) * rate_y;

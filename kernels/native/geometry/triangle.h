@@ -32,8 +32,8 @@ WARPCAM_DEVICE float enter_triangle(const RayFrame& frame, const Corner& a, cons
     if (wa < 0.0f || wb < 0.0f || wc < 0.0f || !(total > 0.0f))
         if (!both || wa > 0.0f || wb > 0.0f || wc > 0.0f || !(total < 0.0f))
             return MISS;
-    const float depth = wa * dot(frame.depth, a.offset) + wb * dot(frame.depth, b.offset)
-        + wc * dot(frame.depth, c.offset);
+    const float depth =
+        wa * dot(frame.depth, a.offset) + wb * dot(frame.depth, b.offset) + wc * dot(frame.depth, c.offset);
     return depth * rcp(total);
 }
 

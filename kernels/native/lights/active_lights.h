@@ -19,10 +19,10 @@ template <class Lights> WARPCAM_DEVICE bool headlight_shines(const Lights& light
 
 // Goes through the lights of a world in their order.
 struct ActiveLights {
-    int slots;      // that the headlight leaves
+    int slots;  // that the headlight leaves
     int taken = 0;  // by lights that are on, whether they give light or not
     int given = 0;  // lights that are on and give light
-    int kept = 0;   // those of them that have a slot
+    int kept = 0;  // those of them that have a slot
 
     // The place of the next light among those that are kept, which is its bit of a shadow mask; -1 if it is not kept.
     template <class Lights> WARPCAM_DEVICE int next(const Lights& lights, int world, int light)

@@ -33,8 +33,7 @@ template <class Lights> WARPCAM_DEVICE MapSize map_size(const Lights& lights, bo
 {
     const float half = 0.017453292519943295f * min(lights.shadow_scale * cutoff, 80.0f);
     const bool flat = distant || !(lights.shadow_width > 0.0f);
-    return { flat ? lights.shadow_width : sin(half) * rcp(cos(half)), lights.shadow_near,
-             lights.shadow_gap };
+    return { flat ? lights.shadow_width : sin(half) * rcp(cos(half)), lights.shadow_near, lights.shadow_gap };
 }
 
 // True if a bounded map covers a point at distance `along` its axis.
@@ -44,8 +43,8 @@ WARPCAM_DEVICE MaskOf<Vector> has_place(const ShadowMap& map, bool distant, Vect
     using Number = NumberOf<Vector>;
     const Vector offset = place - broadcast<Vector>(map.from);
     along = dot(broadcast<Vector>(map.along), offset);
-    const Number side = max(abs(dot(broadcast<Vector>(map.right), offset)),
-                              abs(dot(broadcast<Vector>(map.up), offset)));
+    const Number side =
+        max(abs(dot(broadcast<Vector>(map.right), offset)), abs(dot(broadcast<Vector>(map.up), offset)));
     return (along > map.near) & !(side > (distant ? (Number)1.0f : along));
 }
 

@@ -59,7 +59,8 @@ WARPCAM_DEVICE void map_run(const Image_& image, int offset, const Out& out, int
     store_run<Result>(wp::address(out, run.world, offset + run.first), run.count, results);
 }
 
-template <class Image_, class Out> WARPCAM_DEVICE void copy_run(const Image_& image, int offset, const Out& out, int index)
+template <class Image_, class Out>
+WARPCAM_DEVICE void copy_run(const Image_& image, int offset, const Out& out, int index)
 {
     map_run<float, float>(image, offset, out, index, [](float value) { return value; });
 }
@@ -95,8 +96,8 @@ WARPCAM_DEVICE void name_run(const Image_& image, const Objects& objects, int of
 
 // Pixels of three or four bytes, (world, pixel, channel), as words: red shifted by `red` bits, blue by `blue`, green by
 // 8; the highest byte is 255, or `miss_alpha` where a fourth is 0.
-template <class Image_, class Out>
-WARPCAM_DEVICE void color_run(const Image_& image, int red, int blue, int miss_alpha, int offset, const Out& out, int index)
+template <class Image_, class Out> WARPCAM_DEVICE void color_run(const Image_& image, int red, int blue, int miss_alpha,
+                                                                 int offset, const Out& out, int index)
 {
     const int channels = image.shape[2];
     const Run run = run_of(index, image.shape[1]);

@@ -47,8 +47,8 @@ template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_vec(const Array& i
         lanes[2] = value.z;
         __syncwarp();
         if (4 * piece < 3 * min(pixel.width, TILE_WIDTH) && pixel.lane / TILE_WIDTH < pixel.height)
-            *reinterpret_cast<float4*>(reinterpret_cast<char*>(image.data + piece) + bytes)
-                = *reinterpret_cast<const float4*>(lanes + piece);
+            *reinterpret_cast<float4*>(reinterpret_cast<char*>(image.data + piece) + bytes) =
+                *reinterpret_cast<const float4*>(lanes + piece);
         __syncwarp();
         return;
     }
@@ -58,7 +58,8 @@ template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_vec(const Array& i
 }
 
 // The bytes R, G, B of a word. Four neighbouring threads store their twelve bytes as three words.
-template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_bytes(const Array& image, const Pixel& pixel, unsigned word)
+template <bool IN_QUADS, class Array>
+WARPCAM_DEVICE void put_bytes(const Array& image, const Pixel& pixel, unsigned word)
 {
 #if defined(__CUDA_ARCH__)
     if (IN_QUADS) {

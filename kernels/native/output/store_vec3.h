@@ -9,8 +9,8 @@ namespace warpcam {
 // Computes the points of pixels of one column, as point_of() does, and shares what they have in common. MISSES: some
 // pixels have hit nothing.
 template <bool MISSES, int LENS, int TILES_PER_WARP>
-WARPCAM_DEVICE void find_points(const Camera& camera, const CameraRay<LENS> (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
-                            Vec3 (&points)[TILES_PER_WARP])
+WARPCAM_DEVICE void find_points(const Camera& camera, const CameraRay<LENS> (&rays)[TILES_PER_WARP],
+                                const Hit (&hits)[TILES_PER_WARP], Vec3 (&points)[TILES_PER_WARP])
 {
     const Mat3& m = camera.rotation;
     const Vec3 right { m.at[0][0], m.at[1][0], m.at[2][0] }, up { m.at[0][1], m.at[1][1], m.at[2][1] };
@@ -18,9 +18,9 @@ WARPCAM_DEVICE void find_points(const Camera& camera, const CameraRay<LENS> (&ra
     const Vec3 start = LENS == PINHOLE ? rays[0].x * right - back : camera.origin + rays[0].x * right;
     for (int k = 0; k < TILES_PER_WARP; ++k) {
         const Vec3 along = start + rays[k].y * up;
-        points[k] = has_table(LENS) ? point_of(hits[k], camera, rays[k])
-            : LENS == PINHOLE    ? camera.origin + hits[k].depth * along
-                                 : along - hits[k].depth * back;
+        points[k] = has_table(LENS)   ? point_of(hits[k], camera, rays[k])
+                    : LENS == PINHOLE ? camera.origin + hits[k].depth * along
+                                      : along - hits[k].depth * back;
         const bool missed = MISSES && hits[k].shape < 0;
         points[k] = { missed ? infinity() : points[k].x, missed ? infinity() : points[k].y,
                       missed ? infinity() : points[k].z };
@@ -50,8 +50,8 @@ WARPCAM_DEVICE void store_pieces(const Canvas_& canvas, float* image, int i, int
 
 // Stores three numbers of each pixel; `row_of_lanes` is room for those of a warp's tiles.
 template <class Canvas_, int TILES_PER_WARP>
-WARPCAM_DEVICE void store_threes(const Canvas_& canvas, float* image, int i, int j, const Vec3 (&values)[TILES_PER_WARP],
-                             float* row_of_lanes)
+WARPCAM_DEVICE void store_threes(const Canvas_& canvas, float* image, int i, int j,
+                                 const Vec3 (&values)[TILES_PER_WARP], float* row_of_lanes)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     float* lanes = row_of_lanes + 3 * lane;

@@ -28,7 +28,13 @@ enum Fact {
 // hold what is seen from there; HAS_TRANSPARENT: some shapes may be transparent; HAS_HAZE: an infinite plane has a haze
 // over its horizon; WRITE_BACK_TRANSPARENT: what covers most of a pixel replaces the trace's result there, so that
 // edges are smoothed by it.
-enum LayerFact { MIRROR_VIEW = 1 << 8, HAS_MIRROR = 1 << 9, HAS_TRANSPARENT = 1 << 10, HAS_HAZE = 1 << 11, WRITE_BACK_TRANSPARENT = 1 << 14 };
+enum LayerFact {
+    MIRROR_VIEW = 1 << 8,
+    HAS_MIRROR = 1 << 9,
+    HAS_TRANSPARENT = 1 << 10,
+    HAS_HAZE = 1 << 11,
+    WRITE_BACK_TRANSPARENT = 1 << 14
+};
 
 // Inputs that a set of images and flags needs.
 template <int IMAGES, int FACTS> struct ShadingNeeds {
@@ -52,18 +58,18 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
 struct PbrMaterial {
     Float3Int color;  // RGB, linear; w: texture or -1
     Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
-    Float3Int glow;   // RGB, linear; w: texture or -1
+    Float3Int glow;  // RGB, linear; w: texture or -1
     int normals;  // texture or -1
 };
 
 // Layout of a texture on a shape.
 struct TextureLayout {
-    Float3Int extent;       // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
-    Image image;      // none where a texture of the kind does not show
+    Float3Int extent;  // the half extents that MuJoCo gives its renderer; w: 1 if a cube texture repeats by the metre
+    Image image;  // none where a texture of the kind does not show
     float repeat[2];  // of a 2-D texture on the shape; on a plane the rates of u and v along x and y [1/m]
-    float start[2];   // u and v in a plane's middle
-    int cube;         // 1: a cube texture
-    int own;          // 1: a mesh with texture coordinates of its own
+    float start[2];  // u and v in a plane's middle
+    int cube;  // 1: a cube texture
+    int own;  // 1: a mesh with texture coordinates of its own
     unsigned long long sheet;  // see Textures.sheets; 0: none
 };
 
@@ -78,8 +84,7 @@ struct ShapeToWorldRotation {
     }
 };
 
-struct None {
-};
+struct None {};
 template <bool WANTED, class Value> struct Kept {
     using type = Value;
 };
@@ -97,8 +102,7 @@ template <class One, class Other> struct Either<false, One, Other> {
 struct Shift {
     float shift_u, shift_v;
 };
-struct Unmoved {
-};
+struct Unmoved {};
 
 // Adds it to a place on the texture.
 template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, float& u, float& v)
@@ -122,7 +126,8 @@ template <int TYPES, class Wants> struct ShapeAppearance : Either<Wants::SHIFTED
 };
 
 template <int TYPES, class Shapes, class Meshes>
-WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world, int id)
+WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world,
+                                         int id)
 {
     const auto r = wp::index(shapes.rotations, world, id);
     const Vec3 away = camera.origin - as_vec3(wp::index(shapes.positions, world, id));
@@ -135,7 +140,7 @@ WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& mes
         eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
         for (int j = 0; j < 3; ++j)
             view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
-                + turn.at[2][i] * camera.rotation.at[2][j];
+                            + turn.at[2][i] * camera.rotation.at[2][j];
     }
     const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
     Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
@@ -159,8 +164,8 @@ template <class Shapes> WARPCAM_DEVICE ShapeToWorldRotation load_turn(const Shap
 
 // Loads the material of a shape in a physically based scene.
 template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
-WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical, int world,
-                          int id)
+WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical,
+                                     int world, int id)
 {
     const ResolvedMaterial finish = load_material<MATERIAL>(shapes, materials, world, id);
     PbrMaterial coat;
@@ -196,8 +201,7 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
         return { size.x, size.x, size.y };
     if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
-        return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])),
-                 max(abs(lo[2]), abs(hi[2])) };
+        return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
     }
     if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
         const auto field = wp::index(fields.size, asset);
@@ -217,8 +221,8 @@ template <int TYPES> WARPCAM_DEVICE float repeat_of(float given, int type, int o
 // PHYSICALLY: images are repeated as the material says.
 template <int TYPES, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
-                              const Meshes& meshes, const HeightFields& fields, const ShapeFromCamera& pose, int texture,
-                              int world, int id)
+                                         const Meshes& meshes, const HeightFields& fields, const ShapeFromCamera& pose,
+                                         int texture, int world, int id)
 {
     TextureLayout layout { { 0.0f, 0.0f, 0.0f, 0 }, load_image(textures, texture), { 1.0f, 1.0f }, {}, 0, 0, 0 };
     const int index = material_of(shapes, materials, world, id);
@@ -234,7 +238,8 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
     for (int axis = 0; axis < 2 && !PHYSICALLY; ++axis)
         repeat[axis] = repeat_of<TYPES>(repeat[axis], pose.type(), layout.own);
     const Vec3 extent = extent_of<TYPES>(pose, meshes, fields);
-    layout.extent = make_float3_int(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
+    layout.extent =
+        make_float3_int(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
     if constexpr ((TYPES >> PROJECTED & 1) != 0) {
@@ -269,12 +274,12 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
 // Loads the parts of an appearance that only textured shapes and planes use.
 template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
-                          const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
-                          int world, int id)
+                              const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
+                              int world, int id)
 {
     if constexpr (Wants::TEXTURED)
         look.layout = load_layout<TYPES, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
-                                         look.finish.color.w, world, id);
+                                                        look.finish.color.w, world, id);
     if constexpr (Wants::ON_SHEETS)
         look.layout.sheet = sheet_of(textures, look.finish.color.w);
     if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
@@ -289,10 +294,9 @@ WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes&
 
 template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
           class HeightFields>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance(const Shapes& shapes, const Materials& materials,
-                                                      const Physical& physical, const Textures& textures,
-                                                      const Meshes& meshes, const HeightFields& fields,
-                                                      const Camera& camera, float horizon, int world, int id)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance(
+    const Shapes& shapes, const Materials& materials, const Physical& physical, const Textures& textures,
+    const Meshes& meshes, const HeightFields& fields, const Camera& camera, float horizon, int world, int id)
 {
     ShapeAppearance<TYPES, Wants> look;
     if constexpr (Wants::SURFACE)

@@ -5,10 +5,11 @@
 namespace warpcam {
 
 template <int TYPES, class Wants, class Scene_>
-WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance_for(const Scene_& scene, const Camera& camera, int world, int id)
+WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance_for(const Scene_& scene, const Camera& camera, int world,
+                                                                 int id)
 {
     auto look = load_appearance<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
-                                        scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
+                                              scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
         dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
     load_shift(look, scene, world, id);
@@ -45,8 +46,8 @@ WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& sc
 
 // A shape's look, as it is kept or made anew.
 template <int TYPES, int CAPACITY, class Wants, class Appearances, class List, class Scene_>
-WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera, int world,
-                          int id)
+WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& lights, const Scene_& scene,
+                                      const Camera& camera, int world, int id)
 {
     if constexpr (CAPACITY > 0) {
         return looks[scene.shapes.places.data[id]];
@@ -64,7 +65,8 @@ WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& ligh
 }
 
 // The look of the plane whose corners are kept.
-template <int CACHED, class Held, class Scene_> WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene)
+template <int CACHED, class Held, class Scene_>
+WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene)
 {
     if constexpr (CACHED > 0)
         return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
@@ -89,8 +91,8 @@ WARPCAM_DEVICE void seek_tile(Pixel& pixel, const Frame_& frame, unsigned first,
 
 // Keeps the looks of the shapes that a region shows. The threads of a block share the work.
 template <int WIDTH, int HEIGHT, int FACTS, int SIZE, class EdgeTester, class Scene_>
-WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Camera& camera, int world, unsigned first, int left,
-                             int top, int thread)
+WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Camera& camera, int world, unsigned first,
+                                 int left, int top, int thread)
 {
     const int total = scene.shapes.drawn.shape[0];
     for (int place = thread; place < total; place += THREADS)
@@ -116,8 +118,8 @@ WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Ca
         const int slot = atomicAdd(&seen.count, 1);
         seen.marks[place] = slot < SIZE ? slot + 1 : 0;
         if (slot < SIZE)
-            seen.looks[slot] = load_appearance_for<EdgeTester::TYPES, Untextured<typename EdgeTester::Wants>>(scene, camera, world,
-                                                                               wp::index(scene.shapes.drawn, place));
+            seen.looks[slot] = load_appearance_for<EdgeTester::TYPES, Untextured<typename EdgeTester::Wants>>(
+                scene, camera, world, wp::index(scene.shapes.drawn, place));
     }
 }
 #endif

@@ -17,14 +17,14 @@ enum Form { FORM_POINT, FORM_SPHERE, FORM_DISK, FORM_RECTANGLE, FORM_CYLINDER };
 // One light in the camera's frame. Its colours are what a white surface that faces it shows: of a distant light
 // anywhere, of a point as its falloff has it, of all else its radiance.
 struct AreaLight {
-    Float3Int place;     // position [m], direction to a distant light; w: the light's bit of a shadow mask
-    Float3Int axis;      // direction that it shines in; w: bits of the cosine of its cutoff, -2 where it has none
-    Float3Int across;    // unit, of a rectangle along its width, of a cylinder along itself; w: Form
-    Float3Int size;      // as in types.py: PhysicalLights.sizes; w unused
-    Float3Int falloff;   // of a point: constant, linear, quadratic; w: bits of a spot's exponent
-    Float3Int diffuse;   // w: LightFlags
+    Float3Int place;  // position [m], direction to a distant light; w: the light's bit of a shadow mask
+    Float3Int axis;  // direction that it shines in; w: bits of the cosine of its cutoff, -2 where it has none
+    Float3Int across;  // unit, of a rectangle along its width, of a cylinder along itself; w: Form
+    Float3Int size;  // as in types.py: PhysicalLights.sizes; w unused
+    Float3Int falloff;  // of a point: constant, linear, quadratic; w: bits of a spot's exponent
+    Float3Int diffuse;  // w: LightFlags
     Float3Int specular;  // w unused
-    Float3Int ambient;   // w unused
+    Float3Int ambient;  // w unused
 };
 
 // The lights of a world that count.
@@ -51,14 +51,16 @@ WARPCAM_DEVICE AreaLight load_lamp(const Physical& physical, const Camera& camer
     if (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f)
         nature |= AMBIENT;
     AreaLight lamp;
-    lamp.place = make_float3_int(local ? transform_transposed(camera.rotation, position - camera.origin) : -normalized(direction),
-                        SHADOWS ? 1 << place : 0);
+    lamp.place = make_float3_int(local ? transform_transposed(camera.rotation, position - camera.origin)
+                                       : -normalized(direction),
+                                 SHADOWS ? 1 << place : 0);
     lamp.axis = make_float3_int(direction, as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
-    lamp.across = make_float3_int(transform_transposed(camera.rotation, { turn.data[0][0], turn.data[1][0], turn.data[2][0] }),
-                         per_world(physical.forms, world, index));
+    lamp.across =
+        make_float3_int(transform_transposed(camera.rotation, { turn.data[0][0], turn.data[1][0], turn.data[2][0] }),
+                        per_world(physical.forms, world, index));
     lamp.size = make_float3_int(as_vec3(per_world(physical.sizes, world, index)), 0);
     lamp.falloff = make_float3_int(as_vec3(per_world(lights.attenuation, world, index)),
-                          as_int(wide ? 0.0f : per_world(lights.exponent, world, index)));
+                                   as_int(wide ? 0.0f : per_world(lights.exponent, world, index)));
     lamp.diffuse = make_float3_int(as_vec3(per_world(lights.diffuse, world, index)), nature);
     lamp.specular = make_float3_int(as_vec3(per_world(lights.specular, world, index)), 0);
     lamp.ambient = make_float3_int(ambient, 0);
@@ -78,9 +80,9 @@ template <class Physical> WARPCAM_DEVICE void gather_sky(const Physical& physica
 }
 
 // Fills the list; all lanes of one warp take part. `first` is where the headlight's colours begin.
-template <bool SHADOWS, class Physical> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical,
-                                                                                    const Camera& camera, int world,
-                                                                                    int first, int lane, AreaLights& list)
+template <bool SHADOWS, class Physical>
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical, const Camera& camera, int world,
+                                                       int first, int lane, AreaLights& list)
 {
     const auto& lights = physical.plain;
     const bool headlight = headlight_shines(lights);
@@ -160,8 +162,7 @@ template <class Vector> WARPCAM_DEVICE AreaLightSample<Vector> sample_light(cons
         return shine;
     const int form = lamp.across.w;
     if (form == FORM_POINT) {
-        shine.share
-            = 1.0f / max(lamp.falloff.x + distance * (lamp.falloff.y + distance * lamp.falloff.z), 1.0e-12f);
+        shine.share = 1.0f / max(lamp.falloff.x + distance * (lamp.falloff.y + distance * lamp.falloff.z), 1.0e-12f);
     } else if (form == FORM_SPHERE) {
         shine.share = shine.spread = min(lamp.size.x * lamp.size.x / square, 1.0f);
     } else if (form == FORM_DISK) {
@@ -169,9 +170,9 @@ template <class Vector> WARPCAM_DEVICE AreaLightSample<Vector> sample_light(cons
         shine.share = shine.spread = max(along, 0.0f) * radius / (radius + square);
     } else {
         const Vec3 across = as_vec3(lamp.across);
-        const Vector sum = form == FORM_RECTANGLE
-            ? from_rectangle(offset, lamp.size.x * across, lamp.size.y * cross(as_vec3(lamp.axis), across))
-            : from_cylinder(offset, across, lamp.size.x, lamp.size.y);
+        const Vector sum = form == FORM_RECTANGLE ? from_rectangle(offset, lamp.size.x * across,
+                                                                   lamp.size.y * cross(as_vec3(lamp.axis), across))
+                                                  : from_cylinder(offset, across, lamp.size.x, lamp.size.y);
         shine.share = sqrt(dot(sum, sum));
         shine.spread = min(shine.share, 1.0f);
         const MaskOf<Vector> some = shine.share > 1.0e-20f;

@@ -22,8 +22,10 @@ WARPCAM_DEVICE Vector irradiance_sh(const Sky& sky, Vector d, NumberOf<Vector> f
     Vector light = term(0);
     if (sky.uneven) {
         light = light + first * (d.x * term(1) + d.y * term(2) + d.z * term(3));
-        light = light + second * ((d.x * d.y) * term(4) + (d.y * d.z) * term(5) + (3.0f * d.z * d.z - 1.0f) * term(6)
-                                  + (d.x * d.z) * term(7) + (d.x * d.x - d.y * d.y) * term(8));
+        light = light
+                + second
+                      * ((d.x * d.y) * term(4) + (d.y * d.z) * term(5) + (3.0f * d.z * d.z - 1.0f) * term(6)
+                         + (d.x * d.z) * term(7) + (d.x * d.x - d.y * d.y) * term(8));
     }
     return { max(light.x, 0.0f), max(light.y, 0.0f), max(light.z, 0.0f) };
 }
@@ -43,8 +45,8 @@ WARPCAM_DEVICE Vec3 sky_image(const Textures& textures, const Image& image, Vec3
 
 // Reflected environment: rough surfaces take the spherical harmonics, smooth ones the image, if there is one.
 template <bool IMAGE, class Textures, class Background, class Vector>
-WARPCAM_DEVICE Vector sky_along(const Sky& sky, const Textures& textures, const Background& background, Vector direction,
-                            NumberOf<Vector> roughness)
+WARPCAM_DEVICE Vector sky_along(const Sky& sky, const Textures& textures, const Background& background,
+                                Vector direction, NumberOf<Vector> roughness)
 {
     using Number = NumberOf<Vector>;
     const Number alpha = roughness * roughness, blur = saturate(2.0f * alpha);

@@ -15,9 +15,9 @@ struct Light {
     Float3Int place;  // position of a spot [m], direction to a directional light; w: the light's bit of a shadow mask
     Float3Int axis;  // direction that a spot shines in, position of a directional light; w: bits of the cosine of its
     // cutoff, -2 where it has none
-    Float3Int falloff;   // constant, linear, quadratic; w: bits of a spot's exponent
-    Float3Int ambient;   // w: LightFlags
-    Float3Int diffuse;   // w: bits of 1 + the squared length of a directional light's `place`
+    Float3Int falloff;  // constant, linear, quadratic; w: bits of a spot's exponent
+    Float3Int ambient;  // w: LightFlags
+    Float3Int diffuse;  // w: bits of 1 + the squared length of a directional light's `place`
     Float3Int specular;  // w: where it `dims`, bits of the width of its MapSize
 };
 
@@ -28,10 +28,10 @@ struct LightList {
     Light lights[MAX_LIGHTS];
     Vec3 ambient;  // all of it but that of spots and of lights that shadows may take
     int count;
-    int used;     // 1: some light is on, so that none is everywhere
+    int used;  // 1: some light is on, so that none is everywhere
     int colored;  // 1: some light has a hue
-    int dims;     // 1: some light does
-    float near;   // of their MapSize
+    int dims;  // 1: some light does
+    float near;  // of their MapSize
 };
 
 // Whether the shadow of a light takes its ambient part from what is turned away from it.
@@ -62,13 +62,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Light load_light(const Lights& lights, const
         nature |= AMBIENT;
     Light light;
     light.place = make_float3_int(spot ? transform_transposed(camera.rotation, position - camera.origin) : -direction,
-                         SHADOWS ? 1 << place : 0);
+                                  SHADOWS ? 1 << place : 0);
     light.axis = make_float3_int(spot ? direction : transform_transposed(camera.rotation, position - camera.origin),
-                        as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
+                                 as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
     light.falloff = make_float3_int(falloff, as_int(even ? 0.0f : exponent));
     light.ambient = make_float3_int(ambient, nature);
     light.diffuse = make_float3_int(strength * as_vec3(per_world(lights.diffuse, world, index)),
-                           as_int(1.0f + dot(direction, direction)));
+                                    as_int(1.0f + dot(direction, direction)));
     light.specular = make_float3_int(strength * as_vec3(per_world(lights.specular, world, index)), 0);
     if (SHADOWS && dims(light))
         light.specular.w = as_int(map_size(lights, !spot, cutoff).width);
@@ -91,8 +91,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, con
 {
     const int total = lights.types.shape[1];
     const Vec3 ambient = as_vec3(wp::index(lights.headlight, first)),
-              diffuse = as_vec3(wp::index(lights.headlight, first + 1)),
-              specular = as_vec3(wp::index(lights.headlight, first + 2));
+               diffuse = as_vec3(wp::index(lights.headlight, first + 1)),
+               specular = as_vec3(wp::index(lights.headlight, first + 2));
     const bool headlight = headlight_shines(lights);
     if (lane == 0) {
         list.lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
@@ -152,7 +152,7 @@ template <class Vector> WARPCAM_DEVICE LightingVertexOf<Vector> vertex_at(Vector
 }
 
 // The same as a ray sees it that does not begin there, but at `eye`.
-struct SpreadVertex: LightingVertex {
+struct SpreadVertex : LightingVertex {
     Vec3 place;
 };
 
@@ -195,9 +195,8 @@ WARPCAM_DEVICE LightDirection arrival_of(const Light& light, const Vertex_& vert
         const Vec3 offset = from_vertex(vertex, arrival.to_light);
         arrival.to_light = rsqrt(dot(offset, offset)) * offset;
         const float along = -dot(arrival.to_light, as_vec3(light.axis));
-        arrival.strength = along >= as_float(light.axis.w)
-            ? strength * pow(max(along, MIN_NORMAL), as_float(light.falloff.w))
-            : 0.0f;
+        arrival.strength =
+            along >= as_float(light.axis.w) ? strength * pow(max(along, MIN_NORMAL), as_float(light.falloff.w)) : 0.0f;
     }
     arrival.facing = dot(vertex.normal, arrival.to_light);
     return arrival;
@@ -205,9 +204,9 @@ WARPCAM_DEVICE LightDirection arrival_of(const Light& light, const Vertex_& vert
 
 // The cosine between a normal and halfway between the directions to the light and to the eye, not below zero. `length`
 // is that to the light, squared, and 1.
-template <class Vector>
-WARPCAM_DEVICE NumberOf<Vector> highlight_of(const LightingVertexOf<Vector>& vertex, Vector to_light,
-                                             NumberOf<Vector> facing, float length)
+template <class Vector> WARPCAM_DEVICE NumberOf<Vector> highlight_of(const LightingVertexOf<Vector>& vertex,
+                                                                     Vector to_light, NumberOf<Vector> facing,
+                                                                     float length)
 {
     const NumberOf<Vector> halfway = length + 2.0f * dot(to_light, vertex.to_eye);  // the squared length of their sum
     return saturate((facing + vertex.slant) * rsqrt(halfway));
@@ -216,8 +215,8 @@ WARPCAM_DEVICE NumberOf<Vector> highlight_of(const LightingVertexOf<Vector>& ver
 template <bool IS_SPOT> WARPCAM_DEVICE LightWeights<float> share_of(const Light& light, const LightingVertex& vertex,
                                                                     const LightDirection& arrival, float exponent)
 {
-    const float highlight = highlight_of(vertex, arrival.to_light, arrival.facing,
-                                         IS_SPOT ? 2.0f : as_float(light.diffuse.w));
+    const float highlight =
+        highlight_of(vertex, arrival.to_light, arrival.facing, IS_SPOT ? 2.0f : as_float(light.diffuse.w));
     const float shine = pow(max(highlight, MIN_NORMAL), exponent);
     return { arrival.strength, arrival.strength * max(arrival.facing, 0.0f),
              arrival.facing > 0.0f ? arrival.strength * shine : 0.0f };
@@ -261,7 +260,7 @@ template <class Vector, class Sum>
 WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, Vec3 base, const ResolvedMaterial& finish)
 {
     return broadcast<Vector>(base) + mul(in_channels<Vector>(glow.matt), broadcast<Vector>(as_vec3(finish.color)))
-        + finish.gloss.y * in_channels<Vector>(glow.gloss);
+           + finish.gloss.y * in_channels<Vector>(glow.gloss);
 }
 
 // The light of one light that casts shadows, reflected.
@@ -269,7 +268,7 @@ template <class Vector, class Sum>
 WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, const Reflectance& reflectance)
 {
     return mul(in_channels<Vector>(glow.matt), broadcast<Vector>(reflectance.matt))
-        + reflectance.gloss * in_channels<Vector>(glow.gloss);
+           + reflectance.gloss * in_channels<Vector>(glow.gloss);
 }
 
 // What a surface sends wherever lights are.
@@ -281,7 +280,7 @@ WARPCAM_DEVICE Vec3 always_on(const LightList& list, const ResolvedMaterial& fin
 
 template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Finish_, class Sum>
 WARPCAM_DEVICE void add_light(const Light& light, float strength, const Vertex_* corners, const float* weights,
-                          const Finish_& finish, LightSum<Sum>* glows, LitColor& casting)
+                              const Finish_& finish, LightSum<Sum>* glows, LitColor& casting)
 {
     LightDirection arrivals[CORNERS];
     bool lit = false;

@@ -47,9 +47,9 @@ inline Float8 strength_of(const Light& light, const Arrivals& arrival)
     return strength;
 }
 
-template <class Finish_>
-inline LightWeights<Float8> shares_of(const Light& light, const Vertices& vertex, const Arrivals& arrival,
-                                      Float8 strength, const Finish_& finish)
+template <class Finish_> inline LightWeights<Float8> shares_of(const Light& light, const Vertices& vertex,
+                                                               const Arrivals& arrival, Float8 strength,
+                                                               const Finish_& finish)
 {
     const Float8 none = 0.0f;
     LightWeights<Float8> share { strength, strength * max(arrival.facing, none), none };
@@ -72,7 +72,7 @@ using Lits = LitColorOf<Vec3x8>;
 // LINEAR: whether light that is not clipped is asked for.
 template <bool SHADOWS, bool LINEAR, class Sum, class Finish_, class... Eye_>
 static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Facets& facet, int corners,
-                                             const Finish_& finish, Int8 shadow, Lits& lit, const Eye_&... eye)
+                                                 const Finish_& finish, Int8 shadow, Lits& lit, const Eye_&... eye)
 {
     const Float8 weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
     const Float8 none = 0.0f, one = 1.0f;
@@ -169,8 +169,9 @@ WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& 
         Vec3x8 local;
         for (int k = 0; k < SIMD_WIDTH; ++k) {
             const int i = min(first + k, total - 1), row = int(unsigned(i) / unsigned(grid.columns));
-            set_lane(local, k, { corner_of(look.cells.u, float(grid.first_u + i - row * grid.columns)) - eye.x,
-                                corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
+            set_lane(local, k,
+                     { corner_of(look.cells.u, float(grid.first_u + i - row * grid.columns)) - eye.x,
+                       corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         }
         const Vec3x8 place = look.pose.seen(local);
         const int count = min(SIMD_WIDTH, total - first);
@@ -224,8 +225,8 @@ template <class Grid> inline OnCornersOfEight on_corners(const Grid& grid, Vec3x
     const Float8 a = u - whole_u, b = v - whole_v;
     const Int8 high = a + b > 1.0f;
     OnCornersOfEight on;
-    on.inside = (whole_u >= none) & (whole_v >= none) & (whole_u < float(grid.columns - 1))
-        & (whole_v < float(grid.rows - 1));
+    on.inside =
+        (whole_u >= none) & (whole_v >= none) & (whole_u < float(grid.columns - 1)) & (whole_v < float(grid.rows - 1));
     const Int8 row = to_int(on.inside ? whole_v : none), column = to_int(on.inside ? whole_u : none);
     const Int8 corner = on.inside & (row * grid.columns + column);
     const Int8 beyond = on.inside & (Int8)-1;

@@ -15,8 +15,8 @@ constexpr float MIN_ROUGHNESS = 0.045f;  // roughness below which highlights wou
 
 // Reflection parameters of a surface point.
 template <class Vector> struct Bsdf {
-    Vector matt;                         // colour of the base: none under metal
-    Vector straight;                     // reflectance where light falls straight
+    Vector matt;  // colour of the base: none under metal
+    Vector straight;  // reflectance where light falls straight
     NumberOf<Vector> grazing;  // and where it grazes; below 1 only where the former is less than any real surface's
     NumberOf<Vector> roughness, square;  // `square`: of alpha, which is the roughness squared
 };
@@ -36,8 +36,7 @@ WARPCAM_DEVICE Bsdf<Vector> make_bsdf(Vector color, Number roughness, Number met
 
 // The share of microfacets that face `half`, a unit vector: D. The square of a sine from the cross product keeps its
 // digits where highlights are small.
-template <class Vector>
-WARPCAM_DEVICE NumberOf<Vector> ggx_ndf(Vector normal, Vector half, NumberOf<Vector> square)
+template <class Vector> WARPCAM_DEVICE NumberOf<Vector> ggx_ndf(Vector normal, Vector half, NumberOf<Vector> square)
 {
     const auto along = dot(normal, half);
     const Vector aside = cross(normal, half);
@@ -68,28 +67,29 @@ template <class Vector> struct BsdfValue {
 
 template <class Vector, class Number = NumberOf<Vector>>
 WARPCAM_DEVICE BsdfValue<Vector> reflection_of(const Bsdf<Vector>& skin, Vector normal, Vector to_light, Vector to_eye,
-                                              Number eye_cosine, Number spread)
+                                               Number eye_cosine, Number spread)
 {
     const Vector half = normalized(to_light + to_eye);
     const Number light_cosine = saturate(dot(normal, to_light));
     const Vector mirrored = fresnel(skin, dot(to_eye, half));
     const Number wide = min(skin.square + 0.25f * spread, 1.0f);
-    const Number gloss = PI * light_cosine * ggx_ndf(normal, half, wide)
-        * smith_visibility(light_cosine, eye_cosine, skin.square);
+    const Number gloss =
+        PI * light_cosine * ggx_ndf(normal, half, wide) * smith_visibility(light_cosine, eye_cosine, skin.square);
     return { mul(skin.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
 }
 
 // Light that leaves the facets only after more bounces, which `lost` of it does.
 WARPCAM_DEVICE Vec3 multiple_scattering(float lost, Vec3 single, Vec3 mean)
 {
-    return lost * mul(mul(single, mean), { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y),
-                                               1.0f / (1.0f - lost * mean.z) });
+    return lost
+           * mul(mul(single, mean),
+                 { 1.0f / (1.0f - lost * mean.x), 1.0f / (1.0f - lost * mean.y), 1.0f / (1.0f - lost * mean.z) });
 }
 
 // Light reflected to the eye from everywhere: of the mean irradiance, `even`, and of the radiance from about the mirror
 // direction, `mirrored`.
-template <class Vector>
-WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine, Vector even, Vector mirrored)
+template <class Vector> WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine,
+                                                               Vector even, Vector mirrored)
 {
     using Number = NumberOf<Vector>;
     const Number r = skin.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;

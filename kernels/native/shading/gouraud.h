@@ -13,9 +13,9 @@ constexpr int BOX_CELLS = 4;  // along a side of a box
 
 // A triangle in the camera's frame, and a place on it.
 template <class Vector> struct GouraudTriangleOf {
-    Vector place[3], normal[3];         // of its corners [m]
+    Vector place[3], normal[3];  // of its corners [m]
     NumberOf<Vector> weight1, weight2;  // of the second and third corner, for the place
-    bool three;                         // else only the first corner counts, which is the place itself
+    bool three;  // else only the first corner counts, which is the place itself
 };
 
 using GouraudTriangle = GouraudTriangleOf<Vec3>;
@@ -25,7 +25,7 @@ using GouraudTriangle = GouraudTriangleOf<Vec3>;
 // there, `a` and `b` the hit's coordinates on them.
 template <class Vector, class Number = NumberOf<Vector>>
 WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
-                        CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
+                            CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
 {
     const Number none = 0.0f, one = 1.0f;
     const Number weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), none, one);
@@ -51,7 +51,8 @@ template <class Number> WARPCAM_DEVICE CellSpan<Number> box_cell(Number x, Numbe
     return { i * length - half, length };
 }
 
-template <int TYPES, class Meshes> WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
+template <int TYPES, class Meshes>
+WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
 {
     const Vec3 normal = as_vec3(wp::index(meshes.normals, corner));
     if (TYPES >> PER_SHAPE_SCALE & 1)
@@ -61,8 +62,8 @@ template <int TYPES, class Meshes> WARPCAM_DEVICE Vec3 corner_normal(const Meshe
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
 template <int TYPES, class Appearances, class Meshes>
-WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface, Vec3 place, GouraudTriangle& facet,
-                         bool cells = true)
+WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface,
+                             Vec3 place, GouraudTriangle& facet, bool cells = true)
 {
     constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
     const ShapeFromCamera& pose = look.pose;

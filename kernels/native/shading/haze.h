@@ -11,7 +11,7 @@ namespace warpcam {
 
 // The haze along a ray of a view.
 struct HazeSample {
-    float depth;    // where it stands: planar depth [m]
+    float depth;  // where it stands: planar depth [m]
     float density;  // 0 where there is none
 };
 
@@ -38,8 +38,7 @@ WARPCAM_DEVICE HazeSample haze_along(float along, float down, float above, float
 }
 
 // `ray` begins at the eye, is along the world's axes and reaches a depth of 1.
-template <class Scene_>
-WARPCAM_DEVICE HazeSample haze_of(const Scene_& scene, Vec3 eye, int world, Vec3 ray)
+template <class Scene_> WARPCAM_DEVICE HazeSample haze_of(const Scene_& scene, Vec3 eye, int world, Vec3 ray)
 {
     const auto& haze = scene.frame.haze;
     const auto r = wp::index(scene.shapes.rotations, world, haze.plane);

@@ -16,8 +16,8 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 // light l, of those that are kept, does not reach it.
 template <int FACTS, class Scene_, class Vector>
 WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaLights& list, const Scene_& scene,
-                                 const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
-                                 IntOf<Vector> shadow)
+                                     const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
+                                     IntOf<Vector> shadow)
 {
     using Number = NumberOf<Vector>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, IMAGE = FACTS & HAS_SKYBOX;
@@ -39,8 +39,9 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaL
             continue;
         const BsdfValue<Vector> back =
             reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
-        const Vector own = share * (cosine * mul(back.matt, broadcast<Vector>(as_vec3(lamp.diffuse)))
-                                    + mul(back.gloss, broadcast<Vector>(as_vec3(lamp.specular))));
+        const Vector own = share
+                           * (cosine * mul(back.matt, broadcast<Vector>(as_vec3(lamp.diffuse)))
+                              + mul(back.gloss, broadcast<Vector>(as_vec3(lamp.specular))));
         light = select(lit, light + own, light);
     }
     const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
@@ -52,9 +53,9 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaL
 
 // `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's.
 template <int TYPES, int LENS, int FACTS, class Appearances, class Scene_>
-WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene, const Camera& camera,
-                                float x, float y, const SurfaceInteraction& surface, Vec3 place, Vec3 ray, float depth, Vec3 color,
-                                int shadow)
+WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
+                                     const Camera& camera, float x, float y, const SurfaceInteraction& surface,
+                                     Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
 {
     Vec3 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     const PbrInputs<Vec3> paint = paint_at<TYPES, LENS, (FACTS & HAS_MAPS) != 0>(

@@ -18,7 +18,7 @@ template <class Vector> struct PbrInputs {
 WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 {
     const Vec3 along_u = cross(dv, normal),
-              along_v = cross(normal, du);  // the place's rates of change, but for a factor
+               along_v = cross(normal, du);  // the place's rates of change, but for a factor
     const float side = dot(du, along_u) < 0.0f ? -1.0f : 1.0f;           // -1 where the texture is mirrored
     if (dot(along_u, along_u) < 1.0e-30f || dot(along_v, along_v) < 1.0e-30f)
         return normal;
@@ -28,8 +28,8 @@ WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <int TYPES, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
 WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
-                                   const Camera& camera, float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth,
-                                   Vec3 color, Vec3& normal)
+                                        const Camera& camera, float x, float y, const SurfaceInteraction& surface,
+                                        Vec3 ray, float depth, Vec3 color, Vec3& normal)
 {
     const PbrMaterial& coat = look.finish;
     float roughness = coat.gloss.x, metallic = coat.gloss.y;

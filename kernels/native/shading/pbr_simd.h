@@ -7,8 +7,14 @@
 
 namespace warpcam {
 
-inline Vec3x8 srgb_to_linear(const Vec3x8& color) { return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) }; }
-inline Vec3x8 linear_to_srgb(const Vec3x8& light) { return { linear_to_srgb(light.x), linear_to_srgb(light.y), linear_to_srgb(light.z) }; }
+inline Vec3x8 srgb_to_linear(const Vec3x8& color)
+{
+    return { srgb_to_linear(color.x), srgb_to_linear(color.y), srgb_to_linear(color.z) };
+}
+inline Vec3x8 linear_to_srgb(const Vec3x8& light)
+{
+    return { linear_to_srgb(light.x), linear_to_srgb(light.y), linear_to_srgb(light.z) };
+}
 
 inline Vec3x8 multiple_scattering(Float8 lost, const Vec3x8& single, const Vec3x8& mean)
 {
@@ -16,7 +22,7 @@ inline Vec3x8 multiple_scattering(Float8 lost, const Vec3x8& single, const Vec3x
 }
 
 template <class Textures> inline Vec3x8 sky_image(const Textures& textures, const Image& image, const Vec3x8& direction,
-                                                const Vec3x8& right, const Vec3x8& down)
+                                                  const Vec3x8& right, const Vec3x8& down)
 {
     Vec3x8 read;
     sample_cubes(textures.texels.data, Levels(image, 6), direction, right, down, read);
@@ -26,7 +32,8 @@ template <class Textures> inline Vec3x8 sky_image(const Textures& textures, cons
 // `steps(right, down)` says how far it is to what the next pixels show.
 template <int TYPES, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
 inline void paints_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
-                      const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal, PbrInputs<Vec3x8>& paint)
+                      const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
+                      PbrInputs<Vec3x8>& paint)
 {
     const PbrMaterial& coat = look.finish;
     const ShapeFromCamera& pose = look.pose;
@@ -69,10 +76,11 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
 template <int TYPES, int FACTS, class Appearances, class Scene_, class Steps>
-WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
-                                                 const Mat3& rotation, const Steps& steps, const SurfaceInteraction8& surface,
-                                                 const Vec3x8& place, const Vec3x8& to_eye, const Vec3x8& ray,
-                                                 const Vec3x8& color, Int8 shadow, Vec3x8& light)
+WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list,
+                                                        const Scene_& scene, const Mat3& rotation, const Steps& steps,
+                                                        const SurfaceInteraction8& surface, const Vec3x8& place,
+                                                        const Vec3x8& to_eye, const Vec3x8& ray, const Vec3x8& color,
+                                                        Int8 shadow, Vec3x8& light)
 {
     Vec3x8 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     PbrInputs<Vec3x8> paint;

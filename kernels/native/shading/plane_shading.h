@@ -5,8 +5,8 @@
 namespace warpcam {
 
 // The texture's colour where a ray, in the plane's frame, meets it.
-template <bool ON_SHEETS>
-WARPCAM_DEVICE Vec3 floor_texture(const FloorView& view, const unsigned* texels, Vec3 ray, float depth, float x, float y)
+template <bool ON_SHEETS> WARPCAM_DEVICE Vec3 floor_texture(const FloorView& view, const unsigned* texels, Vec3 ray,
+                                                            float depth, float x, float y)
 {
     const Float3Int place = view.place, right = view.right, down = view.down;
     const float slope = rcp(ray.z), along = ray.x * slope, across = ray.y * slope;
@@ -106,7 +106,8 @@ template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, c
     for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n)
         if (!(grid.bits[n] & shadow)) {
             const int value = 3 + 3 * n;
-            sum = sum + Vec3 { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
+            sum =
+                sum + Vec3 { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
         }
     return sum;
 }
@@ -116,7 +117,7 @@ template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, c
 // pixels that show something else are left out; otherwise such a pixel makes it return false for the whole warp.
 template <bool TEXTURED, bool APART, bool ON_SHEETS, class Grid, class Textures, class Shadow>
 WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
-                           float x, float y, Vec3& display)
+                               float x, float y, Vec3& display)
 {
     const FloorView& view = grid.view;
     const bool hit = found.shape >= 0, on_plane = hit && found.shape == grid.shape;
@@ -124,7 +125,7 @@ WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const
         return false;
     const Float3Int axis_x = view.axis_x, axis_y = view.axis_y, axis_z = view.axis_z;
     const Vec3 ray { axis_x.x * x + axis_x.y * y - axis_x.z, axis_y.x * x + axis_y.y * y - axis_y.z,
-                    axis_z.x * x + axis_z.y * y - axis_z.z };
+                     axis_z.x * x + axis_z.y * y - axis_z.z };
     const Vec3 local { as_float(axis_x.w) + found.depth * ray.x, as_float(axis_y.w) + found.depth * ray.y, 0.0f };
     const GridInterpolation on = on_corners(grid, local, on_plane);
     if (APART ? !warp_any(on.inside) : warp_any(hit && !on.inside))

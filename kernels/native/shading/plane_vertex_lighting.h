@@ -64,9 +64,9 @@ struct FloorView {
     // Mip levels of the texture: width, height and start (bits of floats); w: start of the next. With a mip atlas all
     // are floats, the last two the level's left and top there.
     Float3Int levels[MAX_LEVELS + 1];  // on a sheet the last of them twice
-    unsigned long long sheet;    // see Textures.sheets; 0: none
-    int count;                   // of levels
-    int plain;                   // 1: it has a texture of one image, or none
+    unsigned long long sheet;  // see Textures.sheets; 0: none
+    int count;  // of levels
+    int plain;  // 1: it has a texture of one image, or none
 };
 
 constexpr int GREY_VERTEX_LIGHTS = 4;  // numbers that are loaded at once
@@ -87,7 +87,7 @@ template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
     int shape;  // the plane, or -1 where nothing is kept
     int grey;
     int casting;  // lights that cast shadows
-    int few;      // 1: a corner keeps FEW numbers
+    int few;  // 1: a corner keeps FEW numbers
 };
 
 // The lights of a world with the corners that they light.
@@ -148,8 +148,8 @@ constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 // these around what is near. A team calls it. `sheet`: of the plane's texture, see Textures.sheets; 0: none.
 template <int LENS, class Grid, class Appearances, class Frame>
 WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appearances& look, const Camera& camera,
-                               const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored,
-                               int lane)
+                                   const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored,
+                                   int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
@@ -162,18 +162,18 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     const Vec3 eye = pose.eye();
     float u[EACH], v[EACH], depth[EACH];
     int stride = 1, casting = 0;
-    const bool grey = !list.colored && look.finish.color.x == look.finish.color.y
-        && look.finish.color.x == look.finish.color.z;
+    const bool grey =
+        !list.colored && look.finish.color.x == look.finish.color.y && look.finish.color.x == look.finish.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
     stride = few ? GREY_VERTEX_LIGHTS : (1 + casting) * (grey ? 1 : 3);
     for (int k = 0; k < EACH; ++k) {
         const int sample = lane + k * WARP_OR_ONE;
-        const float i = float(region.left)
-            + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
-        const float j = float(region.top)
-            + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
+        const float i =
+            float(region.left) + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
+        const float j =
+            float(region.top) + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
         CameraRay<LENS> sight { 0.0f, 0.0f };
         if constexpr (LENS == RAYS)
             sight = table_ray(camera, int(i), int(j));
@@ -209,8 +209,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         all = max(all, seen);
         if (!(far > 0.0f) || seen < 0.6f * all)  // too little is near to be worth it
             break;
-        if (columns * rows * float(stride) <= float(Grid::SIZE) && abs(left) < 1.0e6f
-            && abs(bottom) < 1.0e6f) {
+        if (columns * rows * float(stride) <= float(Grid::SIZE) && abs(left) < 1.0e6f && abs(bottom) < 1.0e6f) {
             kept = frame.plane;
             if (lane == 0) {
                 grid.first_u = int(left);
@@ -301,7 +300,7 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
     for (int i = thread; i < grid.columns * grid.rows; i += THREADS) {
         const int row = int(unsigned(i) / unsigned(grid.columns)), column = i - row * grid.columns;
         const Vec3 place = look.pose.seen({ corner_of(look.cells.u, float(grid.first_u + column)) - eye.x,
-                                           corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
+                                            corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
             light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);

@@ -11,7 +11,7 @@ struct ResolvedMaterial {
 
 // Material of coincident shapes. The last of them is visible, but light that casts shadows is added once for each, as
 // MuJoCo's renderer does: its light passes draw all of them where the last was drawn.
-struct JointFinish: ResolvedMaterial {
+struct JointFinish : ResolvedMaterial {
     Float3Int joint;  // sums over all of them: RGB; w: bits of what is specular
 };
 
@@ -21,7 +21,10 @@ struct Reflectance {
     float gloss;
 };
 
-WARPCAM_DEVICE Reflectance of_casting(const ResolvedMaterial& finish) { return { as_vec3(finish.color), finish.gloss.y }; }
+WARPCAM_DEVICE Reflectance of_casting(const ResolvedMaterial& finish)
+{
+    return { as_vec3(finish.color), finish.gloss.y };
+}
 WARPCAM_DEVICE Reflectance of_casting(const JointFinish& finish)
 {
     return { as_vec3(finish.joint), as_float(finish.joint.w) };
@@ -77,13 +80,14 @@ WARPCAM_DEVICE ResolvedMaterial load_material(const Shapes& shapes, const Materi
 template <class Shapes> WARPCAM_DEVICE bool coincide(const Shapes& shapes, int world, int id, int other)
 {
     return wp::index(shapes.positions, world, id) == wp::index(shapes.positions, world, other)
-        && wp::index(shapes.rotations, world, id) == wp::index(shapes.rotations, world, other)
-        && per_world(shapes.sizes, world, id) == per_world(shapes.sizes, world, other)
-        && per_world(shapes.assets, world, id) == per_world(shapes.assets, world, other);
+           && wp::index(shapes.rotations, world, id) == wp::index(shapes.rotations, world, other)
+           && per_world(shapes.sizes, world, id) == per_world(shapes.sizes, world, other)
+           && per_world(shapes.assets, world, id) == per_world(shapes.assets, world, other);
 }
 
 template <bool MATERIAL, class Shapes, class Materials>
-WARPCAM_DEVICE Float3Int load_joint(const Shapes& shapes, const Materials& materials, int world, int id, const ResolvedMaterial& finish)
+WARPCAM_DEVICE Float3Int load_joint(const Shapes& shapes, const Materials& materials, int world, int id,
+                                    const ResolvedMaterial& finish)
 {
     Reflectance sum = of_casting(finish);
     int other = opacity(shapes, materials, world, id) >= SOLID ? int(wp::index(shapes.coincident, id)) : -1;

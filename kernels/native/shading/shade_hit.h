@@ -70,8 +70,9 @@ WARPCAM_DEVICE Vec3 sample_at(const Appearances& look, const Textures& textures,
 
 // The texture's colour at a hit; white where there is none.
 template <int TYPES, int LENS, class Appearances, class Meshes, class Textures>
-WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes, const Textures& textures, const Camera& camera,
-                             float x, float y, const SurfaceInteraction& surface, Vec3 ray, float depth)
+WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                  const Camera& camera, float x, float y, const SurfaceInteraction& surface, Vec3 ray,
+                                  float depth)
 {
     const TextureLayout& layout = look.layout;
     if (layout.image.levels <= 0)
@@ -79,9 +80,9 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
     const ShapeFromCamera& pose = look.pose;
     const float stretch = LENS == PINHOLE ? depth : 1.0f;
     Vec3 right = has_table(LENS) ? pose.local(step_right<LENS>(camera, x, y, depth))
-                                   : stretch * camera.scale_x * Vec3 { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
+                                 : stretch * camera.scale_x * Vec3 { pose.axis_x.x, pose.axis_y.x, pose.axis_z.x };
     Vec3 down = has_table(LENS) ? pose.local(step_down<LENS>(camera, x, y, depth))
-                                  : -stretch * camera.scale_y * Vec3 { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
+                                : -stretch * camera.scale_y * Vec3 { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
         const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
         const Vec3 to_right = mul(mapping.scale, slide(right, ray, surface.normal));
@@ -117,8 +118,9 @@ struct ShadedPixel {
 };
 
 template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
-WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene, const Camera& camera,
-                                float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
+WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene,
+                                    const Camera& camera, float x, float y, const Hit& found, int shadow,
+                                    ShadedPixel& shown)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     const float depth = found.depth;

@@ -111,7 +111,7 @@ template <int TYPES, class Appearances> inline bool lit_at_corners(const Appeara
         if (type == PLANE)
             return look.cells.u.step != 0.0f;
     return ((TYPES >> MESH & 1) && type == MESH) || ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
-        || ((TYPES >> BOX & 1) && type == BOX);
+           || ((TYPES >> BOX & 1) && type == BOX);
 }
 
 using Facets = GouraudTriangleOf<Vec3x8>;
@@ -150,17 +150,17 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
     if constexpr ((TYPES >> PLANE & 1) != 0)
         if (type == PLANE && look.cells.u.step != 0.0f)
             in_quad(place, broadcast(as_vec3(pose.axis_x)), broadcast(as_vec3(pose.axis_y)), surface.local.x,
-                     surface.local.y, cell_around(look.cells.u, surface.local.x),
-                     cell_around(look.cells.v, surface.local.y), (Int8)0, facet);
+                    surface.local.y, cell_around(look.cells.u, surface.local.x),
+                    cell_around(look.cells.v, surface.local.y), (Int8)0, facet);
     if ((TYPES >> BOX & 1) && type == BOX) {
         const Int8 axis = surface.part, u_axis = axis == 0 ? (Int8)1 : (Int8)0, v_axis = axis == 2 ? (Int8)1 : (Int8)2;
         const Vec3x8 x = broadcast(as_vec3(pose.axis_x)), y = broadcast(as_vec3(pose.axis_y)),
-                   z = broadcast(as_vec3(pose.axis_z));
+                     z = broadcast(as_vec3(pose.axis_z));
         const Vec3x8 half = broadcast(as_vec3(pose.size));
         const Float8 a = component(surface.local, u_axis), b = component(surface.local, v_axis);
         const Int8 mirrored = (axis == 1) == (component(surface.normal, axis) > 0.0f);
-        in_quad(place, select(u_axis == 0, x, y), select(v_axis == 1, y, z), a, b,
-                 box_cell(a, component(half, u_axis)), box_cell(b, component(half, v_axis)), mirrored, facet);
+        in_quad(place, select(u_axis == 0, x, y), select(v_axis == 1, y, z), a, b, box_cell(a, component(half, u_axis)),
+                box_cell(b, component(half, v_axis)), mirrored, facet);
     }
 }
 

@@ -45,8 +45,7 @@ WARPCAM_DEVICE void map_round(Vec3 q, Vec3 half, float top, float scale, Mapping
 // Maps u and v over a rectangle.
 WARPCAM_DEVICE void map_flat(Vec3 local, Vec3 half, int u_axis, int v_axis, Mapping& mapping)
 {
-    const float rate_u = 0.5f * rcp(component(half, u_axis)),
-                rate_v = 0.5f * rcp(component(half, v_axis));
+    const float rate_u = 0.5f * rcp(component(half, u_axis)), rate_v = 0.5f * rcp(component(half, v_axis));
     mapping.u = 0.5f + component(local, u_axis) * rate_u;
     mapping.v = 0.5f - component(local, v_axis) * rate_v;
     mapping.du = axis_vector(u_axis, rate_u);
@@ -107,8 +106,9 @@ WARPCAM_DEVICE void repeat(const TextureLayout& layout, float offset, Mapping& m
 }
 
 // Not of planes.
-template <int TYPES, class Meshes>
-WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface)
+template <int TYPES, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose,
+                                                                 const TextureLayout& layout, const Meshes& meshes,
+                                                                 const SurfaceInteraction& surface)
 {
     const int type = pose.type(), part = surface.part;
     const Vec3 half = as_vec3(layout.extent), local = surface.local;
@@ -135,7 +135,8 @@ WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose, const TextureLayout& 
     }
     if ((TYPES >> BOX & 1) && type == BOX)
         map_flat(local, half, part == 0 ? 1 : 0, part == 2 ? 1 : 2, mapping);
-    const bool round = (TYPES & (1 << CYLINDER | 1 << CONE | 1 << BARREL))
+    const bool round =
+        (TYPES & (1 << CYLINDER | 1 << CONE | 1 << BARREL))
         && (type == CYLINDER || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)));
     if (round && part != SIDE) {
         map_flat(local, half, 0, 1, mapping);
@@ -184,14 +185,16 @@ WARPCAM_DEVICE Vec3 slide(Vec3 step, Vec3 ray, Vec3 normal)
 // `right` and `down` are steps of the hit, in the shape's frame.
 WARPCAM_DEVICE Footprint footprint_of(const Mapping& mapping, Vec3 right, Vec3 down)
 {
-    return { mapping.u, mapping.v, { dot(mapping.du, right), dot(mapping.dv, right) },
+    return { mapping.u,
+             mapping.v,
+             { dot(mapping.du, right), dot(mapping.dv, right) },
              { dot(mapping.du, down), dot(mapping.dv, down) } };
 }
 
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
 template <int TYPES, class Meshes>
-WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction& surface,
-                                  Vec3 ray, Vec3 right, Vec3 down)
+WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
+                                      const SurfaceInteraction& surface, Vec3 ray, Vec3 right, Vec3 down)
 {
     if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // floors fill images
         const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = rcp(ray.z);
@@ -217,8 +220,8 @@ template <int TYPES> WARPCAM_DEVICE bool is_blended(const ShapeFromCamera& pose,
     return (TYPES >> TRIPLANAR & 1) && pose.type() != PLANE && !layout.own;
 }
 
-template <int TYPES>
-WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction& surface)
+template <int TYPES> WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                         const SurfaceInteraction& surface)
 {
     const int type = pose.type();
     const Vec3 half = as_vec3(layout.extent);

@@ -16,8 +16,8 @@ struct Levels {
     Levels(const Image& image, int images)
     {
         count = min(image.levels, MAX_LEVELS);
-        columns = (Float8)float(image.width);
-        rows = (Float8)float(image.height);
+        columns = (Float8) float(image.width);
+        rows = (Float8) float(image.height);
         Level level { image.start, image.width, images > 1 ? image.width : image.height };
         for (int i = 0; i < count; ++i) {
             start[i] = level.start;
@@ -31,7 +31,7 @@ struct Levels {
 inline Float8 levels_of_detail(Float8 right, Float8 down, int levels)
 {
     const Float8 longer = max(right, down), most = 1.0e30f;
-    const Float8 level = min(0.5f * log2(min(max(longer, (Float8)1.0f), most)), (Float8)float(levels - 1));
+    const Float8 level = min(0.5f * log2(min(max(longer, (Float8)1.0f), most)), (Float8) float(levels - 1));
     return longer > 1.0f ? level : (Float8)0.0f;
 }
 
@@ -103,8 +103,8 @@ inline Vec3x8 sample_2d(const unsigned* texels, const Levels& levels, const Foot
 {
     const Float8 right_u = at.right_u * levels.columns, right_v = at.right_v * levels.rows;
     const Float8 down_u = at.down_u * levels.columns, down_v = at.down_v * levels.rows;
-    const Float8 detail = levels_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
-                                           levels.count);
+    const Float8 detail =
+        levels_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v, levels.count);
     return sample_levels(texels, levels, detail, at.u, at.v);
 }
 
@@ -120,16 +120,24 @@ inline Vec3x8 to_faces(Int8 face, Vec3x8 v)
 {
     const Int8 first = face < 2, second = face < 4;
     const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
-    return { first ? -turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
-             turn * (first ? v.x : second ? v.y : v.z) };
+    return { first    ? -turn * v.z
+             : second ? v.x
+                      : turn * v.x,
+             second & ~first ? turn * v.z : -v.y,
+             turn
+                 * (first    ? v.x
+                    : second ? v.y
+                             : v.z) };
 }
 
 inline Vec3x8 from_faces(Int8 face, Vec3x8 v)
 {
     const Int8 first = face < 2, second = face < 4;
     const Float8 turn = (face & 1) != 0 ? (Float8)-1.0f : (Float8)1.0f;
-    return { first ? turn * v.z : second ? v.x : turn * v.x, second & ~first ? turn * v.z : -v.y,
-             first ? -turn * v.x : turn * (second ? v.y : v.z) };
+    return { first    ? turn * v.z
+             : second ? v.x
+                      : turn * v.x,
+             second & ~first ? turn * v.z : -v.y, first ? -turn * v.x : turn * (second ? v.y : v.z) };
 }
 
 // A texel of the face, or of the one that it lies on beyond the edge.
@@ -164,7 +172,7 @@ inline void add_bilinear_cube(const unsigned* texels, const Levels& levels, Int8
 }
 
 static WARPCAM_NOINLINE void sample_cubes(const unsigned* texels, const Levels& levels, const Vec3x8& direction,
-                                      const Vec3x8& right, const Vec3x8& down, Vec3x8& color)
+                                          const Vec3x8& right, const Vec3x8& down, Vec3x8& color)
 {
     const Int8 face = cube_faces(direction);
     const Vec3x8 place = to_faces(face, direction), to_right = to_faces(face, right), to_below = to_faces(face, down);
@@ -172,8 +180,8 @@ static WARPCAM_NOINLINE void sample_cubes(const unsigned* texels, const Levels& 
     const Float8 x = place.x * rate, y = place.y * rate;
     const Float8 right_x = scale * (to_right.x - x * to_right.z), right_y = scale * (to_right.y - y * to_right.z);
     const Float8 down_x = scale * (to_below.x - x * to_below.z), down_y = scale * (to_below.y - y * to_below.z);
-    const Float8 detail = levels_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
-                                           levels.count);
+    const Float8 detail =
+        levels_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y, levels.count);
     const Float8 s = saturate(0.5f * x + 0.5f), t = saturate(0.5f * y + 0.5f);
     const Int8 step = to_int(detail);
     const Float8 on = detail - to_floats(step);
@@ -194,9 +202,10 @@ inline Vec3x8 slide(Vec3x8 step, Vec3x8 ray, Vec3x8 normal)
 
 // One hit at a time.
 template <int TYPES, class Meshes>
-static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
-                                          const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
-                                          Footprints& at)
+static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                              const Meshes& meshes, const SurfaceInteraction8& surface,
+                                              const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
+                                              Footprints& at)
 {
     for (int k = 0; k < SIMD_WIDTH; ++k) {
         const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
@@ -212,8 +221,8 @@ static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const
 
 // Laid along the x axis where `first`, along z where not `upright`, else along y; `right` and `down` are steps of the
 // hits.
-inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layout, const Vec3x8& local, const Vec3x8& right,
-                             const Vec3x8& down, Footprints& at)
+inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layout, const Vec3x8& local,
+                             const Vec3x8& right, const Vec3x8& down, Footprints& at)
 {
     const float rate_u = layout.repeat[0], rate_v = -layout.repeat[1];
     const auto along_u = [&](const Vec3x8& v) { return rate_u * (first ? v.y : v.x); };
@@ -221,21 +230,19 @@ inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layo
     at = { along_u(local), 1.0f + along_v(local), along_u(right), along_v(right), along_u(down), along_v(down) };
 }
 
-template <int TYPES, class Meshes>
-inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes, const SurfaceInteraction8& surface,
-                          const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down, Footprints& at)
+template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                             const Meshes& meshes, const SurfaceInteraction8& surface,
+                                                             const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
+                                                             Footprints& at)
 {
     constexpr int OTHERS = TYPES & ~(1 << PLANE | 1 << HEIGHT_FIELD);
     if constexpr ((TYPES >> PLANE & 1) != 0) {
         if (pose.type() == PLANE) {
             const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
             const Float8 slope = rcp(ray.z), rise_right = right.z * slope, rise_down = down.z * slope;
-            at = { surface.local.x * rate_u + layout.start[0],
-                   surface.local.y * rate_v + layout.start[1],
-                   rate_u * (right.x - rise_right * ray.x),
-                   rate_v * (right.y - rise_right * ray.y),
-                   rate_u * (down.x - rise_down * ray.x),
-                   rate_v * (down.y - rise_down * ray.y) };
+            at = { surface.local.x * rate_u + layout.start[0], surface.local.y * rate_v + layout.start[1],
+                   rate_u * (right.x - rise_right * ray.x),    rate_v * (right.y - rise_right * ray.y),
+                   rate_u * (down.x - rise_down * ray.x),      rate_v * (down.y - rise_down * ray.y) };
             return;
         }
     }
@@ -254,8 +261,12 @@ inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layo
             const float rate_u = layout.repeat[0] * 0.5f * rcp(max(layout.extent.x, 1.0e-12f));
             const float rate_v = layout.repeat[1] * -0.5f * rcp(max(layout.extent.y, 1.0e-12f));
             const Vec3x8 to_right = slide(right, ray, surface.normal), to_below = slide(down, ray, surface.normal);
-            at = { rate_u * surface.local.x - 0.5f, rate_v * surface.local.y - 0.5f, rate_u * to_right.x,
-                   rate_v * to_right.y, rate_u * to_below.x, rate_v * to_below.y };
+            at = { rate_u * surface.local.x - 0.5f,
+                   rate_v * surface.local.y - 0.5f,
+                   rate_u * to_right.x,
+                   rate_v * to_right.y,
+                   rate_u * to_below.x,
+                   rate_v * to_below.y };
             return;
         }
     }
@@ -263,8 +274,8 @@ inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layo
         other_footprints<OTHERS>(pose, layout, meshes, surface, ray, right, down, at);
 }
 
-template <int TYPES>
-inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout, const SurfaceInteraction8& surface, Vec3x8& scale)
+template <int TYPES> inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                   const SurfaceInteraction8& surface, Vec3x8& scale)
 {
     const int type = pose.type();
     const Vec3 half = as_vec3(layout.extent);
@@ -288,8 +299,9 @@ inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& 
 // The texture's colours at packets of hits. `steps(n, right, down)` says how far it is to what the next pixels show.
 template <int TYPES, class Appearances, class Meshes, class Textures, class Steps>
 WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const Levels& levels, const Meshes& meshes,
-                                         const Textures& textures, const Steps& steps, const SurfaceInteraction8* surfaces,
-                                         const Vec3x8* rays, int packets, Vec3x8* colors)
+                                                const Textures& textures, const Steps& steps,
+                                                const SurfaceInteraction8* surfaces, const Vec3x8* rays, int packets,
+                                                Vec3x8* colors)
 {
     const TextureLayout& layout = look.layout;
     const ShapeFromCamera& pose = look.pose;
@@ -314,7 +326,8 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
         };
         if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
             if (is_blended<TYPES>(pose, layout)) {
-                const Vec3x8 along = slide(right, ray, surfaces[n].normal), below = slide(down, ray, surfaces[n].normal);
+                const Vec3x8 along = slide(right, ray, surfaces[n].normal),
+                             below = slide(down, ray, surfaces[n].normal);
                 Vec3x8 share, sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
                     const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, get_lane(surfaces[n], k)));

@@ -54,7 +54,7 @@ template <class Number, class Vector> WARPCAM_DEVICE Vector place_on_sky(Vector 
 // shading/plane_grid.h; 0: the skybox is too far away to tell where rays begin.
 template <int LENS, int FACTS, class Textures, class Background>
 WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background& background, const Camera& camera,
-                                float horizon, float x, float y)
+                                     float horizon, float x, float y)
 {
     const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
     if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
@@ -79,7 +79,8 @@ WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background&
 template <int FACTS> WARPCAM_DEVICE int headlight_of(int world) { return FACTS & HEADLIGHTS ? 3 * (world + 1) : 0; }
 
 // Moves a shape's texture, in images; not a cube's.
-template <class Appearances, class Scene_> WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world, int id)
+template <class Appearances, class Scene_>
+WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world, int id)
 {
     if constexpr (Appearances::SHIFTED) {
         const int index = material_of(scene.shapes, scene.materials, world, id);
@@ -103,7 +104,8 @@ template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& sce
 }
 
 // Applies the exposure to a surface; the display colour of a physically based surface follows from its light.
-template <int FACTS, class Scene_> WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& display)
+template <int FACTS, class Scene_>
+WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& display)
 {
     if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
         linear = exposed<FACTS>(scene, world, linear);

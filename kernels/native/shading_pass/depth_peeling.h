@@ -21,8 +21,8 @@ struct Composite {
 // the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Paint_>
-WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit, int column,
-                     int row, const Paint_& paint, Composite& peeled)
+WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit,
+                         int column, int row, const Paint_& paint, Composite& peeled)
 {
     float from = near;
 #pragma unroll 1
@@ -61,8 +61,8 @@ WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& 
 
 // Texture coordinates of a hit on its shape's 2-D textures.
 template <int TYPES, int LENS, class Appearances, class Scene_>
-WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
-                                  const Hit& hit)
+WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& scene, const Camera& camera, float x,
+                                      float y, const Hit& hit)
 {
     const ShapeFromCamera& pose = look.pose;
     const Vec3 ray = pose.local(CameraRay<LENS> { x, y }.direction());
@@ -79,8 +79,8 @@ WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& sce
 
 // Opacity from a mesh's opacity map at a hit; 1 without a map.
 template <int TYPES, int LENS, class Appearances, class Scene_>
-WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene, const Camera& camera, int world, float x,
-                                float y, const Hit& hit)
+WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene, const Camera& camera, int world,
+                                    float x, float y, const Hit& hit)
 {
     const int material = material_of(scene.shapes, scene.materials, world, hit.shape);
     const int texture = material < 0 ? -1 : texture_of(scene.materials, world, material, ROLE_OPACITY);
@@ -94,7 +94,7 @@ WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene
 // The alpha of its texture there; 1 where there is none.
 template <int TYPES, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE float texture_alpha(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
-                               const Hit& hit)
+                                   const Hit& hit)
 {
     if (look.layout.image.levels <= 0 || look.layout.cube)
         return 1.0f;

@@ -62,14 +62,14 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
     static constexpr int TILE_COLUMNS_PER_WARP = 1;
-    WARPCAM_DEVICE void begin(int) const { }
-    WARPCAM_DEVICE void face(int, int) const { }
-    WARPCAM_DEVICE void ready() const { }
-    template <class List> WARPCAM_DEVICE void note(List&, int, int) const { }
+    WARPCAM_DEVICE void begin(int) const {}
+    WARPCAM_DEVICE void face(int, int) const {}
+    WARPCAM_DEVICE void ready() const {}
+    template <class List> WARPCAM_DEVICE void note(List&, int, int) const {}
 
     WARPCAM_DEVICE bool write_seen_plane(int, int, const Hit (&)[1], int) const { return false; }
     WARPCAM_DEVICE void put_tiles(int i, int j, const ClippedRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass,
-                              float*) const
+                                  float*) const
     {
         write_hit(i, j, hits[0], first_pass);
     }
@@ -92,7 +92,7 @@ template <int TYPES, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes&
 template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, bool FACES, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                              const HeightFields& fields, const Views& views, const Target& target, int index)
+                                  const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     WARPCAM_SHARED ShapeList<CAPACITY> list;
     alignas(16) WARPCAM_SHARED Camera camera;
@@ -109,13 +109,13 @@ WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materia
         begin_list(list);
     }
     block_sync();
-    const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target,        camera,          region,
-                                                            world, plane_of(mirror), mirror.shape };
+    const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target, camera,           region,
+                                                            world,  plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
     const Vec3 eye = as_vec3(mirror.eye);
     const auto hidden = [&](int id) {
         return id == itself || !solid(shapes, materials, target.veil_places, world, id)
-            || turned_away<TYPES>(shapes, eye, world, id);
+               || turned_away<TYPES>(shapes, eye, world, id);
     };
     draw_region<TYPES, LENS, false, MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }

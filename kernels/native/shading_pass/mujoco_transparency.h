@@ -12,17 +12,17 @@
 namespace warpcam {
 
 constexpr int MAX_SHEETS = 8;           // of one shape in one ray that can be seen through one another
-constexpr float FROM_BEHIND = 0.3f;     // how solid a plane is that is seen from behind, of what it is from its front
-constexpr float NOTEWORTHY = 0.2929f;   // opacity from which a shape, drawn twice, covers half of what lies behind
-constexpr float AS_FAR = 1.000001f;     // of the depth of what is solid: what lies there is drawn over it
+constexpr float FROM_BEHIND = 0.3f;  // how solid a plane is that is seen from behind, of what it is from its front
+constexpr float NOTEWORTHY = 0.2929f;  // opacity from which a shape, drawn twice, covers half of what lies behind
+constexpr float AS_FAR = 1.000001f;  // of the depth of what is solid: what lies there is drawn over it
 constexpr float PLANES_LAST = 1.0e10f;  // the distance by which planes are sorted [m]
 
 // Transparent shapes of a region.
 template <int CAPACITY> struct TransparentShapes {
     ShapeRecord records[CAPACITY];
     float distance[CAPACITY];  // by slot
-    float opacity[CAPACITY];   // by slot
-    int ids[CAPACITY];         // by slot
+    float opacity[CAPACITY];  // by slot
+    int ids[CAPACITY];  // by slot
     TileRect touched[CAPACITY];  // by slot
     unsigned char order[CAPACITY];  // by rank: the slot
     int count;
@@ -44,8 +44,8 @@ WARPCAM_DEVICE float reach_of(const Shape& shape)
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
 // does not show itself. BACKS: planes are seen from behind.
 template <int TYPES, int LENS, bool BACKS, int CAPACITY, class Scene_>
-WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera, const Region& region,
-                             Vec3 eye, int mirror, int world, int thread)
+WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera,
+                                 const Region& region, Vec3 eye, int mirror, int world, int thread)
 {
     const auto& shapes = scene.shapes;
     const bool blind = !(abs(camera.origin.x) < MISS);
@@ -59,8 +59,7 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
         const Vec3 away = eye - shape.position;
         const Mat3& r = shape.rotation;
         const bool plane = (TYPES >> PLANE & 1) && shape.type == PLANE;
-        const bool behind = BACKS && plane
-            && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
+        const bool behind = BACKS && plane && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
         if (alpha == 0.0f || id == mirror)
             continue;
         bool mapped = false;
@@ -81,8 +80,7 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
         const int slot = atomic_append(list.count);
         list.records[slot] = record;
         const float reach = wp::index(scene.frame.reach, id);
-        list.distance[slot]
-            = plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
+        list.distance[slot] = plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
         list.opacity[slot] = alpha;
         list.ids[slot] = id;
         list.touched[slot] = tiles;
@@ -92,7 +90,7 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
         int rank = 0;
         for (int j = 0; j < list.count; ++j)
             rank += list.distance[j] < list.distance[i]
-                || (list.distance[j] == list.distance[i] && list.ids[j] < list.ids[i]);
+                    || (list.distance[j] == list.distance[i] && list.ids[j] < list.ids[i]);
         list.order[rank] = static_cast<unsigned char>(i);
     }
     block_sync();
@@ -100,8 +98,9 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
 
 #if defined(__CUDA_ARCH__)
 // Nearest front face of one mesh between `near` and the hit's depth, for one lane.
-template <int TYPES, class Meshes, class RayOf>
-WARPCAM_DEVICE void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const RayOf& source, float near, Hit& hit)
+template <int TYPES, class Meshes, class RayOf> WARPCAM_DEVICE void walk_mesh(const Meshes& meshes,
+                                                                              const ShapeRecord& record,
+                                                                              const RayOf& source, float near, Hit& hit)
 {
     const Ray ray = source.local(record);
     const RayFrame frame = source.template frame<TYPES>(record);
@@ -162,7 +161,7 @@ inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray
 // as it is if there is none.
 template <int TYPES, class Meshes, class HeightFields, class RayOf>
 WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
-                          const HeightFields& fields, Hit& hit)
+                              const HeightFields& fields, Hit& hit)
 {
     if (is_mesh<TYPES>(record)) {
         if constexpr ((TYPES >> MESH & 1) != 0)
@@ -207,8 +206,8 @@ struct MujocoBlend {
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
 // it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
 template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
-WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid, int column,
-                      int row, const Shade& shade, const Note& note, MujocoBlend& covered)
+WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid,
+                          int column, int row, const Shade& shade, const Note& note, MujocoBlend& covered)
 {
     const float limit = AS_FAR * solid;
     const auto draw = [&](int rank) {

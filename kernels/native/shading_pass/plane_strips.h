@@ -13,11 +13,14 @@ namespace warpcam {
 template <int WIDTH, int HEIGHT> struct Strips {
     static constexpr int PIXELS = QUAD * WARP_SIZE, ACROSS = WIDTH / WARP_SIZE, WARPS = THREADS / WARP_SIZE;
     static constexpr int EACH = WIDTH * HEIGHT / (PIXELS * WARPS);  // of a warp
-    static constexpr bool FIT = WIDTH % WARP_SIZE == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT
-        && EACH * QUAD <= 32;
+    static constexpr bool FIT =
+        WIDTH % WARP_SIZE == 0 && WARPS % ACROSS == 0 && EACH * PIXELS * WARPS == WIDTH * HEIGHT && EACH * QUAD <= 32;
 
     // Column of a lane's first pixel in the region; `strip` counts those of a warp.
-    WARPCAM_DEVICE static int column(int warp, int lane) { return warp % ACROSS * WARP_SIZE + lane % TILE_WIDTH * QUAD; }
+    WARPCAM_DEVICE static int column(int warp, int lane)
+    {
+        return warp % ACROSS * WARP_SIZE + lane % TILE_WIDTH * QUAD;
+    }
     WARPCAM_DEVICE static int row(int warp, int lane, int strip)
     {
         return (warp / ACROSS + strip * (WARPS / ACROSS)) * TILE_HEIGHT + lane / TILE_WIDTH;
@@ -62,7 +65,7 @@ WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera&
     const float away = -as_float(az.w), side = away < 0.0f ? -1.0f : 1.0f;
     const auto along = [&](const Float3Int& axis, float scale, float eye) {
         return Float3Int { scale * axis.x * dx, scale * axis.y * dy, scale * (axis.x * x + axis.y * y - axis.z),
-                     as_int(eye) };
+                           as_int(eye) };
     };
     plan.height = along(az, side, 0.0f);
     plan.u = along(ax, side * away * cells_u.rate, cells_u.rate * as_float(ax.w) + cells_u.start);
@@ -94,7 +97,7 @@ WARPCAM_DEVICE float step_size(const Float3Int& steps, float at)
 // Values that a lane's pixels share in all rows.
 struct StripColumn {
     float height, u, v;  // at the first one, in the image's first row
-    float down[QUAD];    // step_size()
+    float down[QUAD];  // step_size()
 };
 
 WARPCAM_DEVICE StripColumn strip_column(const StripPlan& plan, float column)
@@ -144,8 +147,8 @@ WARPCAM_DEVICE float light_at(const StripPlan& plan, const Grid& grid, float u, 
 // Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what
 // is kept does not reach as far.
 template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
-WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row, unsigned shadows,
-                          Quad<IMAGES>& quad)
+WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const StripColumn& own, float row,
+                              unsigned shadows, Quad<IMAGES>& quad)
 {
     const FloorView& view = grid.view;
     const Float3Int height = plan.height, across_u = plan.u, across_v = plan.v;
@@ -162,8 +165,8 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     constexpr float SLACK = 1.0e-5f;
     bool within = min(rate[0], rate[3]) > 0.0f;
     if constexpr (Grid::LIT)
-        within = within & (min(u[0], u[3]) >= SLACK) & (max(u[0], u[3]) < plan.columns)
-                 & (min(v[0], v[3]) >= SLACK) & (max(v[0], v[3]) < plan.rows);
+        within = within & (min(u[0], u[3]) >= SLACK) & (max(u[0], u[3]) < plan.columns) & (min(v[0], v[3]) >= SLACK)
+                 & (max(v[0], v[3]) < plan.rows);
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
@@ -176,8 +179,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
             color = look_up(plan.image, texture.x * u[k] + texture.y, texture.z * v[k] + as_float(texture.w),
                             2.0f * log2(rate[k]) + max(own.down[k], right));
         } else if constexpr (TEXTURED) {
-            const float detail =
-                min(max(2.0f * log2(rate[k]) + max(own.down[k], right), 0.0f), plan.coarsest);
+            const float detail = min(max(2.0f * log2(rate[k]) + max(own.down[k], right), 0.0f), plan.coarsest);
             const float base = __fadd_rd(detail, WHOLE_NUMBERS);
             const int level = as_int(base) - as_int(WHOLE_NUMBERS);
             color = sample_sheet(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
@@ -210,7 +212,7 @@ template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned
 // texture is a mipmapped one, else on a sheet.
 template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
 WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
-                                const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
+                                    const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const int column = Own::column(warp, lane);
@@ -284,8 +286,8 @@ template <int EACH> WARPCAM_DEVICE void list_pixels(unsigned short* list, int& c
 template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_,
           class Draw>
 WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
-                               const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
-                               const Draw& draw)
+                                   const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
+                                   const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const bool plain = plan.plain;

@@ -13,7 +13,8 @@ struct PixelHit : Hit {
     int shadow;  // where FACTS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
 };
 
-template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
+template <int TYPES, int IMAGES, int FACTS, class Frame_>
+WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 {
     PixelHit found { { 0.0f, -1, 0 }, 0 };
     if (pixel.inside) {
@@ -32,16 +33,16 @@ template <int TYPES, int IMAGES, int FACTS, class Frame_> WARPCAM_DEVICE PixelHi
 // less if `looks` are SeenLooks.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                            int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
+                                int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     if constexpr (CAPACITY > 0)
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene,
-                                                    camera, x, y, found, shadow, shown);
+        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene, camera,
+                                                    x, y, found, shadow, shown);
     else
         resolve_surface<TYPES, LENS, IMAGES, FACTS>(
-            cached_appearance<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene, camera,
-            x, y, found, shadow, shown);
+            cached_appearance<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene,
+            camera, x, y, found, shadow, shown);
     if constexpr (Wants::LIT)
         expose<FACTS>(scene, world, shown.linear, shown.display);
 }
@@ -50,9 +51,10 @@ WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, co
 // seen of it.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_>
-WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                               const Veils_& veils, const Region& region, int world, const Pixel& pixel, float x,
-                               float y, const Hit& solid, float limit, ShadedPixel& shown)
+WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights, const Scene_& scene,
+                                   const Camera& camera, const Veils_& veils, const Region& region, int world,
+                                   const Pixel& pixel, float x, float y, const Hit& solid, float limit,
+                                   ShadedPixel& shown)
 {
     const bool takes_part = pixel.inside && !((FACTS & MIRROR_VIEW) && solid.shape == -1);
     const CameraRay<LENS> ray { x, y };
@@ -67,14 +69,14 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
         const auto paint = [&](bool met, Hit hit, Vec3& light) {
             ShadedPixel sheet;
             fill_inactive_lanes(met, hit);
-            resolve_hit<TYPES, LENS, CAPACITY, IMAGES & (RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+            resolve_hit<TYPES, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, sheet);
             light = sheet.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr ((TYPES >> ALPHA_TESTED & 1) && (FACTS & HAS_MAPS))
-                alpha *= mapped_opacity<TYPES, LENS>(
-                    cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
-                    scene, camera, world, x, y, hit);
+                alpha *= mapped_opacity<TYPES, LENS>(cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+                                                         looks, lights, scene, camera, world, hit.shape),
+                                                     scene, camera, world, x, y, hit);
             return alpha;
         };
         Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
@@ -94,9 +96,9 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
             linear = sheet.linear;
             display = sheet.display;
             if constexpr ((TYPES >> TEXTURE_ALPHA & 1) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
-                return texture_alpha<TYPES, LENS>(
-                    cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(looks, lights, scene, camera, world, hit.shape),
-                    scene, camera, x, y, hit);
+                return texture_alpha<TYPES, LENS>(cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+                                                      looks, lights, scene, camera, world, hit.shape),
+                                                  scene, camera, x, y, hit);
             return 1.0f;
         };
         Hit first { limit, -1, -1 };
@@ -123,9 +125,9 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
 // `painted`: what the pixel shows, a Shown, where that is known.
 template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_, class Camera_, class... Painted_>
-WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene, const Camera_& camera,
-                              const Veils_& veils, const Region& region, int world, const Pixel& pixel, PixelHit found,
-                              const Painted_&... painted)
+WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
+                                  const Camera_& camera, const Veils_& veils, const Region& region, int world,
+                                  const Pixel& pixel, PixelHit found, const Painted_&... painted)
 {
     constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
     using Wants = ShadingNeeds<IMAGES, FACTS>;
@@ -149,11 +151,13 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
     Vec3 apart;
     Vec3& floor = FACTS & SEPARATE_PLANE_PATH ? apart : shown.display;
     if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0, (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(
-            lights.grid, scene.textures, found, shadow, x, y, floor);
+        drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0,
+                           (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(lights.grid, scene.textures, found,
+                                                                                shadow, x, y, floor);
     if constexpr (IS_PAINTED)
         shown = (painted, ...);
-    else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED) && fill_inactive_lanes(hit && !drawn, found))
+    else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
+             && fill_inactive_lanes(hit && !drawn, found))
         resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
                                                           shown);
     if (drawn) {
@@ -181,8 +185,8 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         if (!seen) {
             shown.linear = shown.display =
                 FACTS & MIRROR_VIEW ? black
-                                 : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
-                                                                 camera, frame.horizon, x, y);
+                                    : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
+                                                                    camera, frame.horizon, x, y);
             if constexpr (Wants::COATED) {
                 shown.linear = srgb_to_linear(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
@@ -205,11 +209,10 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         if constexpr ((FACTS & HAS_TRANSPARENT) != 0) {
             float limit = hit ? solid.depth : camera.far;
             if constexpr ((FACTS & HAS_HAZE) != 0)
-                limit = min(sky, mist.density > 0.0f ? min(limit, mist.depth)
-                                                       : limit);  // these hide what is behind them
-            const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, veils,
-                                                                                   region, world, pixel, x, y, solid,
-                                                                                   limit, shown);
+                limit =
+                    min(sky, mist.density > 0.0f ? min(limit, mist.depth) : limit);  // these hide what is behind them
+            const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(
+                looks, lights, scene, camera, veils, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;
         }
         const unsigned word = to_bytes(shown.display);

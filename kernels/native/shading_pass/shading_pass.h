@@ -18,7 +18,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     using Appearances = ShapeAppearance<TYPES, Wants>;
     using Sheets = typename Kept<VEILS != 0, TransparentShapes<VEILS != 0 ? VEILS : 1>>::type;
     constexpr int SHARED_BYTES = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
-    constexpr int CACHED = CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
+    constexpr int CACHED =
+        CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
     constexpr bool RADIANT = IMAGES == HDR && (FACTS & PLANE_STRIPS);
@@ -27,12 +28,15 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 #else
     constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
 #endif
-    constexpr int CORNERS = Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
-        ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES) - CACHED * int(sizeof(Appearances)) - 1024)
-        : 0;
+    constexpr int CORNERS =
+        Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
+            ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
+                                              - CACHED * int(sizeof(Appearances)) - 1024)
+            : 0;
     // Caches some appearances if not all fit.
     constexpr bool SOME = CACHED == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
-    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1, APPEARANCE_BYTES = sizeof(ShapeAppearance<TYPES, Untextured<Wants>>);
+    constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1,
+                  APPEARANCE_BYTES = sizeof(ShapeAppearance<TYPES, Untextured<Wants>>);
     constexpr int LEFT = (SHARED_BYTES - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / APPEARANCE_BYTES;
     constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
     using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Appearances>::type;
@@ -40,10 +44,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
+                  BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && (TYPES >> PLANE & 1) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
-        && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
+                               && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~STORE_QUADS : FACTS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
     WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
@@ -68,7 +73,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     if (thread == 0)
         kept_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
-        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE), list);
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE),
+                               list);
     if constexpr ((FACTS & MIRROR_VIEW) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)
@@ -182,8 +188,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene,
-                    camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world, pixel, found);
+                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(
+                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world,
+                    pixel, found);
             else
                 resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
                                                                     world, pixel, found);

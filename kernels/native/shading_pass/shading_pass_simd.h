@@ -126,8 +126,8 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
     if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
         normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
     const Vec3x8 turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
-                        b.x * normal.x + b.y * normal.y + b.z * normal.z,
-                        c.x * normal.x + c.y * normal.y + c.z * normal.z };
+                          b.x * normal.x + b.y * normal.y + b.z * normal.z,
+                          c.x * normal.x + c.y * normal.y + c.z * normal.z };
     return select(dot(surface.normal, ray) > 0.0f, -turned, turned);
 }
 
@@ -155,8 +155,8 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
     }
     Facets facet;
     facet_at<TYPES>(look, scene.meshes, surface, place, facet);
-    const bool at_corners
-        = (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
+    const bool at_corners =
+        (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
     Lits own;
     const auto light_corners = [&](const auto&... eye) {
         illuminate_eight<SHADOWS, LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
@@ -244,7 +244,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
 // Writes the background.
 template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
-                                           Vec3 gain, const short* pixels, int count, PbrInputs& painted)
+                                                  Vec3 gain, const short* pixels, int count, PbrInputs& painted)
 {
     const auto& background = background_of<FACTS>(scene, world);
     Vec3x8 color = broadcast(as_vec3(background.color));
@@ -268,7 +268,7 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
                     return Vec3x8 { d.x, -d.z, d.y };
                 };
                 const Vec3x8 place = place_on_sky(upright(beams.start), upright(beams.direction),
-                                                (Float8)(SKY_DISTANCE * scene.frame.horizon));
+                                                  (Float8)(SKY_DISTANCE * scene.frame.horizon));
                 sample_cubes(scene.textures.texels.data, levels, Vec3x8 { place.x, place.z, -place.y },
                              to_sky(right.start), to_sky(down.start), color);
             } else {
@@ -359,7 +359,7 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
             for (int n = 0; n < packets; ++n) {
                 const int from = done + n * SIMD_WIDTH;
                 load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
-                                                                            min(SIMD_WIDTH, total - from), hits[n]);
+                                                                             min(SIMD_WIDTH, total - from), hits[n]);
             }
             paint_packets<TYPES, LENS, IMAGES, FACTS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,

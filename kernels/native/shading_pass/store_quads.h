@@ -66,21 +66,21 @@ template <int IMAGES> struct Quad {
 // is the number of the pixel that a lane's row of such begins with, `piece` the lane's place in it; `corner` that of
 // the strip.
 template <int IMAGES, class Images_>
-WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad, bool drawn, unsigned own, unsigned first,
-                            int piece, unsigned corner, int width, int lane, float* row_of_lanes)
+WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad, bool drawn, unsigned own,
+                                unsigned first, int piece, unsigned corner, int width, int lane, float* row_of_lanes)
 {
     if constexpr ((IMAGES & RGBA) != 0)
         if (drawn)
-            *reinterpret_cast<uint4*>(images.rgba.data + 4 * size_t(own))
-                = uint4 { quad.words[0], quad.words[1], quad.words[2], quad.words[3] };
+            *reinterpret_cast<uint4*>(images.rgba.data + 4 * size_t(own)) =
+                uint4 { quad.words[0], quad.words[1], quad.words[2], quad.words[3] };
     if constexpr ((IMAGES & (RGB | ALBEDO)) != 0) {
         unsigned char* image = IMAGES & RGB ? images.rgb.data : images.albedo.data;
         for (int n = 0; n < 3; ++n)
             row_of_lanes[3 * lane + n] = as_float(int(quad.bare(n)));
         __syncwarp();
         if (lane < 24)
-            *reinterpret_cast<float4*>(image + 3 * size_t(first) + 16 * piece)
-                = *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
+            *reinterpret_cast<float4*>(image + 3 * size_t(first) + 16 * piece) =
+                *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
         __syncwarp();
     }
     if constexpr ((IMAGES & HDR) != 0)
@@ -90,8 +90,8 @@ WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad,
                     row_of_lanes[quad.WORDS * (lane % TILE_WIDTH) + n] = as_float(int(quad.words[n]));
             __syncwarp();
             if (lane < 24)
-                reinterpret_cast<float4*>(images.hdr.data + 3 * size_t(corner + unsigned(row * width)))[lane]
-                    = reinterpret_cast<const float4*>(row_of_lanes)[lane];
+                reinterpret_cast<float4*>(images.hdr.data + 3 * size_t(corner + unsigned(row * width)))[lane] =
+                    reinterpret_cast<const float4*>(row_of_lanes)[lane];
             __syncwarp();
         }
 }

@@ -28,7 +28,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     using Appearances = ShapeAppearance<TYPES, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);
     static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
-    static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH, TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
+    static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH,
+                         TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
     static constexpr int CACHED = TEXTURED && CAPACITY <= WARP_SIZE ? CAPACITY : 0;  // looks
     static_assert(TILES <= WARPS * WARP_SIZE);
     // In place of a colour's bytes: the floor's texture; a texture that is looked up later.
@@ -55,7 +56,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures>
     WARPCAM_DEVICE static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
-                                    const Materials& materials, const Textures& textures)
+                                        const Materials& materials, const Textures& textures)
     {
         using Scene_ = PaintScene<Shapes, Meshes, HeightFields, Materials, Textures>;
         return Scene_ { { 0.0f }, shapes, meshes, fields, materials, textures };
@@ -63,7 +64,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // Loads what shapes look like, while the block's first threads list them.
     template <class Scene_> WARPCAM_DEVICE void begin(const Scene_& scene, const Camera& camera, const Region& region,
-                                                  int plane, int world, int thread)
+                                                      int plane, int world, int thread)
     {
         if constexpr (TEXTURED)
             for (int tile = thread; tile < TILES; tile += THREADS)
@@ -75,7 +76,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             const int id = wp::index(scene.shapes.drawn, i);
             const ResolvedMaterial finish = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
             words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(as_vec3(finish.color))
-                : FLOORS && id == plane                                        ? ON_FLOOR
+                       : FLOORS && id == plane                                  ? ON_FLOOR
                                                                                 : LATER;
         }
     }
@@ -90,8 +91,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     }
 
     // Computes what pixels of the plane share; by one warp.
-    template <class Scene_>
-    WARPCAM_DEVICE void see(const Scene_& scene, const Camera& camera, const Region& region, int plane, int world, int lane)
+    template <class Scene_> WARPCAM_DEVICE void see(const Scene_& scene, const Camera& camera, const Region& region,
+                                                    int plane, int world, int lane)
     {
         if (lane == 0)
             floor.shape = -1;
@@ -161,8 +162,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
     template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
-                          const Slots<TILES_PER_WARP>& found)
+    WARPCAM_DEVICE void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                              const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
     {
         unsigned shown[TILES_PER_WARP], all = 0u;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
@@ -178,7 +179,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // Writes pixels whose hits are all on the infinite plane.
     template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP])
+    WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                   const Hit (&hits)[TILES_PER_WARP])
     {
         const unsigned word = endless;
         unsigned shown[TILES_PER_WARP];
@@ -220,8 +222,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // EVERY: all hits are on it.
     template <bool ALL_LANES, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_floor(int column, int row, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
-                                unsigned (&shown)[TILES_PER_WARP])
+    WARPCAM_DEVICE void paint_floor(int column, int row, const Ray_ (&rays)[TILES_PER_WARP],
+                                    const Hit (&hits)[TILES_PER_WARP], unsigned (&shown)[TILES_PER_WARP])
     {
         const Float3Int across = u, along = v, own_color = color;
         const float own = down[column], coarsest = as_float(own_color.w);
@@ -252,8 +254,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 
     // Paints what was left, once all tiles are drawn.
     template <class Scene_, class Target> WARPCAM_DEVICE void finish(const Scene_& scene, const Target& target,
-                                                                 const Camera& camera, const Region& region, int world,
-                                                                 int thread)
+                                                                     const Camera& camera, const Region& region,
+                                                                     int world, int thread)
     {
         if constexpr (TEXTURED) {
             const int lane = thread % WARP_SIZE, warp = thread / WARP_SIZE;
@@ -267,8 +269,8 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
                     const unsigned pixels = __shfl_sync(FULL_WARP, mine, bit);
                     tiles &= tiles - 1;
                     if (pixels >> lane & 1u)
-                        own[waiting + __popc(pixels & ((1u << lane) - 1u))]
-                            = static_cast<unsigned short>((warp + bit * WARPS) * WARP_SIZE + lane);
+                        own[waiting + __popc(pixels & ((1u << lane) - 1u))] =
+                            static_cast<unsigned short>((warp + bit * WARPS) * WARP_SIZE + lane);
                     waiting += __popc(pixels);
                 }
                 __syncwarp();
@@ -299,8 +301,9 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
                                                            scene, camera, ray.x, ray.y, hit, 0, shown);
         else
-            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(load_appearance_for<TYPES, Wants>(scene, camera, world, hit.shape),
-                                                           None {}, scene, camera, ray.x, ray.y, hit, 0, shown);
+            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(
+                load_appearance_for<TYPES, Wants>(scene, camera, world, hit.shape), None {}, scene, camera, ray.x,
+                ray.y, hit, 0, shown);
         return to_bytes(shown.albedo);
     }
 };
@@ -310,7 +313,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
 template <int TYPES, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                             const HeightFields& fields, const Views& views, const Target& target, int index)
+                                 const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     using Room = Painter<TYPES, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
     draw_with<analytic_types(TYPES), PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(

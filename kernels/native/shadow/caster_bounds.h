@@ -40,10 +40,7 @@ struct ReceiverBounds {
     }
 };
 
-WARPCAM_DEVICE ReceiverBounds no_cover()
-{
-    return { { MISS, -MISS, MISS, -MISS }, MISS, -MISS, false, false };
-}
+WARPCAM_DEVICE ReceiverBounds no_cover() { return { { MISS, -MISS, MISS, -MISS }, MISS, -MISS, false, false }; }
 
 // A caster: the cells that it covers, and its height above its place among the shapes that are drawn.
 // The cells are four bytes: left, bottom, and what is right of it and above it.
@@ -69,8 +66,14 @@ struct Grid {
     {
         return unsigned(int(max(min((value - from) * rate, last), 0.0f)));
     }
-    WARPCAM_DEVICE unsigned column(float u) const { return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1)); }
-    WARPCAM_DEVICE unsigned row(float v) const { return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1)); }
+    WARPCAM_DEVICE unsigned column(float u) const
+    {
+        return number(bent(u, distant), left, per_u, float(GRID_CELLS - 1));
+    }
+    WARPCAM_DEVICE unsigned row(float v) const
+    {
+        return number(bent(v, distant), bottom, per_v, float(GRID_CELLS - 1));
+    }
     WARPCAM_DEVICE unsigned level(float height) const { return number(height, floor, per_height, float(LEVELS - 1)); }
 
     WARPCAM_DEVICE PackedCasterBounds of_shape(const LightSpaceBounds& w, float height, int place) const

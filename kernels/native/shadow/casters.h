@@ -95,8 +95,7 @@ WARPCAM_DEVICE LightSpaceBounds window_of_all(const LightSpaceBounds* windows, i
 #pragma unroll 1
     for (int slot = threadIdx.x % WARP_SIZE; slot < count; slot += WARP_SIZE) {
         const LightSpaceBounds w = windows[slot];
-        all = { min(all.left, w.left), max(all.right, w.right), min(all.bottom, w.bottom),
-                max(all.top, w.top) };
+        all = { min(all.left, w.left), max(all.right, w.right), min(all.bottom, w.bottom), max(all.top, w.top) };
     }
     return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
 }
@@ -127,8 +126,9 @@ template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const 
 
 // False if the shape casts no shadow in this light. TIGHT: see window_of().
 template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light, const Camera& camera,
-                                             const Meshes& meshes, const HeightFields& fields, Caster& caster)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light,
+                                                        const Camera& camera, const Meshes& meshes,
+                                                        const HeightFields& fields, Caster& caster)
 {
     LocalBounds extent {};
     Vec3 scale;
@@ -138,7 +138,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
         return false;
     const Mat3& r = shape.rotation;
     const Vec3 c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
-                  shape.position.z - camera.origin.z };
+                   shape.position.z - camera.origin.z };
     const Vec3 towards = transform_transposed(r, ray_to(light, c)), here = transform_transposed(r, c);
     caster.aim = { towards.x * scale.x, towards.y * scale.y, towards.z * scale.z, 0 };
     if (shape.type == PLANE && !(caster.aim.z < 0.0f))
@@ -165,8 +165,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
 
 // Marks an analytic caster that is seen through: what stands inside of it lies in its shadow.
 template <int TYPES, class Shapes, class Materials>
-WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const Shapes& shapes, const Materials& materials, int world,
-                           int id)
+WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const Shapes& shapes,
+                               const Materials& materials, int world, int id)
 {
     if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0)
         if (record.axis_x.w != MESH)
@@ -176,9 +176,10 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
 // Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE: so
 // many threads do it, a block or one of its warps.
 template <int TYPES, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                              const Camera& camera, int world, int thread)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes,
+                                                        const Materials& materials, const Meshes& meshes,
+                                                        const HeightFields& fields, const LightView& light,
+                                                        const Camera& camera, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
@@ -223,8 +224,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
 // Builds the list with its bounds, by a whole block.
 template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                              const Camera& camera, int world, int thread)
+                                  const Meshes& meshes, const HeightFields& fields, const LightView& light,
+                                  const Camera& camera, int world, int thread)
 {
     begin =
         collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
@@ -293,7 +294,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
 // Tests a shape's face likewise. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
 template <int TYPES, class Shapes, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face,
-                             const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)
+                                 const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)
 {
     if (wp::index(shapes.types, id) != MESH)
         return { true, false };
@@ -301,7 +302,8 @@ WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int
     const Vec3 c { shape.position.x - origin.x, shape.position.y - origin.y, shape.position.z - origin.z };
     const auto local = [&](Vec3 v) {
         const Vec3 own = transform_transposed(shape.rotation, v);
-        return TYPES >> PER_SHAPE_SCALE & 1 ? Vec3 { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z } : own;
+        return TYPES >> PER_SHAPE_SCALE & 1 ? Vec3 { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z }
+                                            : own;
     };
     return face_light<TYPES>(meshes, shape.asset, face, light.distant,
                              { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });

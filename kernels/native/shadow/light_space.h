@@ -26,13 +26,14 @@ struct alignas(16) LightSpaceBounds {
     float left, right, bottom, top;
 };
 
-WARPCAM_DEVICE LightView make_light(bool distant, Vec3 position, Vec3 direction, const Camera& camera, const MapSize& size)
+WARPCAM_DEVICE LightView make_light(bool distant, Vec3 position, Vec3 direction, const Camera& camera,
+                                    const MapSize& size)
 {
     LightView light;
     light.distant = distant;
-    light.aim = distant ? Vec3 { -direction.x, -direction.y, -direction.z }
-                        : Vec3 { position.x - camera.origin.x, position.y - camera.origin.y,
-                                position.z - camera.origin.z };
+    light.aim = distant
+                    ? Vec3 { -direction.x, -direction.y, -direction.z }
+                    : Vec3 { position.x - camera.origin.x, position.y - camera.origin.y, position.z - camera.origin.z };
     const Vec3 along = distant ? light.aim : direction;
     light.w = 1.0f / sqrt(max(dot(along, along), 1.0e-30f)) * along;
     // rows of the image run along u where they can, so that tiles on a floor fill their windows
@@ -75,14 +76,14 @@ template <int LENS> struct PointReconstructor {
     WARPCAM_DEVICE Vec3 point(float i, float j, float depth) const
     {
         const Vec3 r { start.x + i * across.x + j * down.x, start.y + i * across.y + j * down.y,
-                      start.z + i * across.z + j * down.z };
+                       start.z + i * across.z + j * down.z };
         if (LENS == ORTHOGRAPHIC)
             return { r.x + depth * along.x, r.y + depth * along.y, r.z + depth * along.z };
         return { depth * r.x + along.x, depth * r.y + along.y, depth * r.z + along.z };
     }
 
     WARPCAM_DEVICE Vec3 along_of(Vec3 point, float,
-                            float) const  // the way the ray to a point runs, through column i and row j
+                                 float) const  // the way the ray to a point runs, through column i and row j
     {
         return LENS == ORTHOGRAPHIC ? along : Vec3 { point.x - along.x, point.y - along.y, point.z - along.z };
     }
@@ -137,19 +138,23 @@ template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> sight_of(const Camer
         const float ahead = parallel ? 0.0f : 1.0f;
         return { { x * right.x + y * up.x + ahead * forward.x, x * right.y + y * up.y + ahead * forward.y,
                    x * right.z + y * up.z + ahead * forward.z },
-                 camera.scale_x * right, -camera.scale_y * up, (1.0f - ahead) * forward };
+                 camera.scale_x * right,
+                 -camera.scale_y * up,
+                 (1.0f - ahead) * forward };
     }
 }
 
 // Points along the light's axes; from the light, if it is not distant.
-template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> lit_sight(const LightView& light, const PointReconstructor<LENS>& sight)
+template <int LENS>
+WARPCAM_DEVICE PointReconstructor<LENS> lit_sight(const LightView& light, const PointReconstructor<LENS>& sight)
 {
     const auto to_light_axes = [&](Vec3 a) { return Vec3 { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
     if constexpr (has_table(LENS)) {
         const Vec3 start = light.distant ? Vec3 { 0.0f, 0.0f, 0.0f } : -to_light_axes(light.aim);
         return { to_light_axes(sight.right), to_light_axes(sight.up), to_light_axes(sight.back), start, sight.camera };
     } else {
-        PointReconstructor<LENS> s { to_light_axes(sight.start), to_light_axes(sight.across), to_light_axes(sight.down), to_light_axes(sight.along) };
+        PointReconstructor<LENS> s { to_light_axes(sight.start), to_light_axes(sight.across), to_light_axes(sight.down),
+                                     to_light_axes(sight.along) };
         if (!light.distant) {
             const Vec3 aim = to_light_axes(light.aim);
             Vec3& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
@@ -185,17 +190,18 @@ WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 // The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
-template <bool TIGHT = false> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds window_of(const LightView& light, int type, Vec3 position,
-                                                                        const Mat3& rotation, const LocalBounds& extent,
-                                                                        float& height)
+template <bool TIGHT = false>
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds window_of(const LightView& light, int type, Vec3 position,
+                                                               const Mat3& rotation, const LocalBounds& extent,
+                                                               float& height)
 {
     const Vec3 u = transform_transposed(rotation, light.u), v = transform_transposed(rotation, light.v);
     const Vec3 w = transform_transposed(rotation, light.w), back = ray_to(light, position);
     const Vec3 from = light.distant ? position : -back;
     const float pad = 1.0e-5f
-        * (abs(position.x) + abs(position.y) + abs(position.z)
-           + (light.distant ? 0.0f : abs(light.aim.x) + abs(light.aim.y) + abs(light.aim.z))
-           + extent.half.x + extent.half.y + extent.half.z);
+                      * (abs(position.x) + abs(position.y) + abs(position.z)
+                         + (light.distant ? 0.0f : abs(light.aim.x) + abs(light.aim.y) + abs(light.aim.z))
+                         + extent.half.x + extent.half.y + extent.half.z);
     const float at_u = dot(light.u, from) + dot(u, extent.center), at_v = dot(light.v, from) + dot(v, extent.center);
     const float at_w = dot(light.w, from) + dot(w, extent.center);
     const float half_u = reach_along(type, extent.half, u) + pad, half_v = reach_along(type, extent.half, v) + pad;
@@ -212,18 +218,16 @@ template <bool TIGHT = false> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBoun
         height = MISS;
         if (TIGHT) {  // what is before the light and to its right lies at least `left` aside, at most `far` away
             const float rate = 0.99999f / far;
-            return { flat.left > 0.0f ? flat.left * rate : -MISS,
-                     flat.right < 0.0f ? flat.right * rate : MISS,
-                     flat.bottom > 0.0f ? flat.bottom * rate : -MISS,
-                     flat.top < 0.0f ? flat.top * rate : MISS };
+            return { flat.left > 0.0f ? flat.left * rate : -MISS, flat.right < 0.0f ? flat.right * rate : MISS,
+                     flat.bottom > 0.0f ? flat.bottom * rate : -MISS, flat.top < 0.0f ? flat.top * rate : MISS };
         }
         return { -MISS, MISS, -MISS, MISS };
     }
     const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;
     const LightSpaceBounds seen { flat.left * (flat.left < 0.0f ? at_near : at_far),
-                        flat.right * (flat.right > 0.0f ? at_near : at_far),
-                        flat.bottom * (flat.bottom < 0.0f ? at_near : at_far),
-                        flat.top * (flat.top > 0.0f ? at_near : at_far) };
+                                  flat.right * (flat.right > 0.0f ? at_near : at_far),
+                                  flat.bottom * (flat.bottom < 0.0f ? at_near : at_far),
+                                  flat.top * (flat.top > 0.0f ? at_near : at_far) };
     return { seen.left - slack * abs(seen.left), seen.right + slack * abs(seen.right),
              seen.bottom - slack * abs(seen.bottom), seen.top + slack * abs(seen.top) };
 }
@@ -233,7 +237,7 @@ template <bool TIGHT = false> WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBoun
 WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, const LightSpaceBounds& tile, float floor)
 {
     return (shape.left <= tile.right) & (shape.right >= tile.left) & (shape.bottom <= tile.top)
-        & (shape.top >= tile.bottom) & (height > floor);
+           & (shape.top >= tile.bottom) & (height > floor);
 }
 
 WARPCAM_DEVICE bool within(const LightSpaceBounds& window, float u, float v)

@@ -38,8 +38,11 @@ struct PickedCasters {
 WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
 {
     const LightSpaceBounds& w = cover.window;
-    return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) }, warp_min(cover.floor),
-             -warp_min(-cover.top), __any_sync(FULL_WARP, cover.beside) != 0, __any_sync(FULL_WARP, cover.any) != 0 };
+    return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) },
+             warp_min(cover.floor),
+             -warp_min(-cover.top),
+             __any_sync(FULL_WARP, cover.beside) != 0,
+             __any_sync(FULL_WARP, cover.any) != 0 };
 }
 
 // The point that a pixel shows, if something may keep the light from it.
@@ -98,8 +101,9 @@ WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Pa
 // returns where to go on.
 template <int TYPES, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
-                               const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                               const Camera& camera, const ReceiverBounds& all, const Grid& grid, int world, int thread)
+                                   const Meshes& meshes, const HeightFields& fields, const LightView& light,
+                                   const Camera& camera, const ReceiverBounds& all, const Grid& grid, int world,
+                                   int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
@@ -128,8 +132,8 @@ WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shape
 }
 
 // Picks casters that may shade a patch from outline `from` on, as many as are tried at a time; where to go on.
-template <class Crowd_>
-WARPCAM_DEVICE int pick(const Crowd_& crowd, const PackedCasterBounds& points, int from, int* places, int& picked, int lane)
+template <class Crowd_> WARPCAM_DEVICE int pick(const Crowd_& crowd, const PackedCasterBounds& points, int from,
+                                                int* places, int& picked, int lane)
 {
     picked = 0;
     while (from < crowd.count) {
@@ -153,8 +157,8 @@ WARPCAM_DEVICE int pick(const Crowd_& crowd, const PackedCasterBounds& points, i
 
 template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes& shapes, const Materials& materials,
-                              const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                              const Camera& camera, int world, int lane)
+                                  const Meshes& meshes, const HeightFields& fields, const LightView& light,
+                                  const Camera& camera, int world, int lane)
 {
     auto& list = picks.list;
     if (lane == 0)
@@ -174,7 +178,7 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
 // True if a caster stands between a lane's point and the light. Each lane tests the casters that its point calls for.
 template <int TYPES, int LENS, class HeightFields>
 WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const ReceiverView<LENS>& view, const Asking& a,
-                          const HeightFields& fields)
+                              const HeightFields& fields)
 {
     const bool distant = view.light.distant;
     unsigned mine = 0;
@@ -205,8 +209,8 @@ WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const Recei
 // Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
 template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
 WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const LightPass<LENS>& task, const Shapes& shapes,
-                          const Meshes& meshes, const HeightFields& fields, const Target& target, int column, int row,
-                          int lane)
+                              const Meshes& meshes, const HeightFields& fields, const Target& target, int column,
+                              int row, int lane)
 {
     const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
     if (is_shaded<TYPES>(list, task.view, a, fields))
@@ -217,9 +221,9 @@ WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const Light
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
 WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patch* patches, const Grid& grid,
-                             const LightPass<LENS>& task, const Camera& camera, const Shapes& shapes,
-                             const Materials& materials, const Meshes& meshes, const HeightFields& fields,
-                             const Target& target, int lane)
+                                 const LightPass<LENS>& task, const Camera& camera, const Shapes& shapes,
+                                 const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                                 const Target& target, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     while (true) {
@@ -253,8 +257,8 @@ WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patc
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                           const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
-                           int index)
+                               const HeightFields& fields, const Lights& lights, const Views& views,
+                               const Target& target, int index)
 {
     static_assert(!(TYPES >> MESH & 1));
     WARPCAM_SHARED CasterTiles<CAPACITY> crowd;

@@ -15,10 +15,11 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
     const Vec3x8 c = s.at - broadcast(camera.origin), from = light.distant ? c : c - broadcast(light.aim);
     const Vec3 aim = light.aim;
     const Float8 half = s.radius
-        + 1.0e-5f
-            * (abs(c.x) + abs(c.y) + abs(c.z) + 2.0f * s.radius
-               + (light.distant ? 0.0f : abs(aim.x) + abs(aim.y) + abs(aim.z)));
-    const Float8 u = dot(broadcast(light.u), from), v = dot(broadcast(light.v), from), w = dot(broadcast(light.w), from);
+                        + 1.0e-5f
+                              * (abs(c.x) + abs(c.y) + abs(c.z) + 2.0f * s.radius
+                                 + (light.distant ? 0.0f : abs(aim.x) + abs(aim.y) + abs(aim.z)));
+    const Float8 u = dot(broadcast(light.u), from), v = dot(broadcast(light.v), from),
+                 w = dot(broadcast(light.w), from);
     Float8 left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
     Int8 unknown = s.unknown;
     if (!light.distant) {  // as window_of()
@@ -32,8 +33,8 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
         height = -nearest;
     }
     const LightSpaceBounds& all = region.window;
-    const Int8 may = (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom)
-        & (height > region.floor);
+    const Int8 may =
+        (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom) & (height > region.floor);
     return movemask(may | unknown) & s.there;
 }
 
@@ -49,8 +50,8 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
     windows.count = 0;
     for (; begin < total && windows.count + SIMD_WIDTH <= List::CAPACITY; begin += SIMD_WIDTH) {
         unsigned some =
-            spheres_before(begin < List::CAPACITY ? spheres[begin / SIMD_WIDTH] : load_spheres(shapes, world, begin), light,
-                           camera, region);
+            spheres_before(begin < List::CAPACITY ? spheres[begin / SIMD_WIDTH] : load_spheres(shapes, world, begin),
+                           light, camera, region);
         for (; some; some &= some - 1) {
             Caster caster;
             const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = windows.count;
@@ -100,8 +101,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
 {
     static_assert(!(TYPES >> MESH & 1));
     constexpr int ACROSS = WIDTH / TILE_WIDTH, DOWN = HEIGHT / TILE_HEIGHT;
-    constexpr int PATCH_ACROSS = min(PATCH, WIDTH) / TILE_WIDTH,
-                  PATCH_DOWN = min(PATCH, HEIGHT) / TILE_HEIGHT;
+    constexpr int PATCH_ACROSS = min(PATCH, WIDTH) / TILE_WIDTH, PATCH_DOWN = min(PATCH, HEIGHT) / TILE_HEIGHT;
     static_assert(ACROSS % PATCH_ACROSS == 0 && DOWN % PATCH_DOWN == 0);
     constexpr int PATCHES_ACROSS = ACROSS / PATCH_ACROSS, PATCHES = PATCHES_ACROSS * (DOWN / PATCH_DOWN);
     CasterList<CAPACITY, false> list;

@@ -9,7 +9,7 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
 // The rays of one warp. What its lanes seldom need of their own rays is here too. Boxes: what they need at every node.
-template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
+template <int WORDS, class Boxes> struct ShadowRays : RayQueue<WORDS> {
     struct Start {
         float x[WARP_SIZE], y[WARP_SIZE], z[WARP_SIZE];
 
@@ -104,7 +104,7 @@ template <int WORDS, class Boxes> struct ShadowRays: RayQueue<WORDS> {
 // True if a face of the lane's leaf, if its `node` is one, blocks its ray to the light. All lanes test faces for all.
 template <int TYPES, class Rays, class List, class Meshes>
 WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
-                             int node)
+                                 int node)
 {
     const RayFacePairs pairs(node, warp_reduce_add(RayFacePairs::faces_of(node)));
     bool met = false;
@@ -118,16 +118,17 @@ WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& 
             const Float3Int a = load(meshes.faces.data, row), b = load(meshes.faces.data, row + 1);
             const Float3Int c = load(meshes.faces.data, row + 2);
             const RayFrame frame = rays.frame_of(from);
-            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                           project(frame, c.x, c.y, c.z),
-                                           (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
+            const float t =
+                enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                               project(frame, c.x, c.y, c.z), (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
             const Span span = rays.span[from];
             meets = (t > span.near) & (t < span.reach);
             if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0) {
                 const Vec3 point = rays.start.at(from);
                 const ShapeRecord& record = list.records[its_slot];
-                meets = meets && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
-                                                 number, t);
+                meets = meets
+                        && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
+                                           number, t);
             }
         }
         met |= (__ballot_sync(FULL_WARP, meets) & pairs.places(window)) != 0;
@@ -139,7 +140,7 @@ WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& 
 // shade, on its way to the light.
 template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
 WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light,
-                          const Meshes& meshes, const NextTile& next_tile, const Shade& shade)
+                              const Meshes& meshes, const NextTile& next_tile, const Shade& shade)
 {
     const int lane = threadIdx.x % WARP_SIZE, words = WORDS == 1 ? 1 : (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float far =

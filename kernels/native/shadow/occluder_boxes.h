@@ -39,8 +39,7 @@ struct OccluderBox {
         const float half = abs(rate);
         const float enter = middle - half, leave = middle + half;
         // of a straight line's two ends one is farther aside than its middle by as much as the other is nearer
-        const float most = max(abs(x + middle * dx) + abs(half * dx),
-                                 abs(y + middle * dy) + abs(half * dy));
+        const float most = max(abs(x + middle * dx) + abs(half * dx), abs(y + middle * dy) + abs(half * dy));
         return ((enter > span.near) & (leave < span.reach)) ? most : MISS;
     }
 };
@@ -56,18 +55,18 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
 {
     const ShapeRecord& record = list.records[slot];
     const int row = record.axis_z.w * ALL_SHUTTER_ROWS + SHUTTER_ROWS * SHUTTERS;
-    const Vec3 at = as_vec3(load(meshes.shutters.data, unsigned(row) + threadIdx.x % WARP_SIZE)) - as_vec3(record.origin);
+    const Vec3 at =
+        as_vec3(load(meshes.shutters.data, unsigned(row) + threadIdx.x % WARP_SIZE)) - as_vec3(record.origin);
     const Vec3 there = at.x * as_vec3(record.axis_x) + at.y * as_vec3(record.axis_y) + at.z * as_vec3(record.axis_z);
     const Vec3 from = light.distant ? there : there - light.aim;
     const Vec3 p { dot(light.u, from), dot(light.v, from), dot(light.w, from) };
     const auto size = [](const Vec3& v) { return abs(v.x) + abs(v.y) + abs(v.z); };
-    const float pad = 1.0e-5f
-        * (size(at) + size(as_vec3(record.origin)) + size(there) + (light.distant ? 0.0f : size(light.aim)));
+    const float pad =
+        1.0e-5f * (size(at) + size(as_vec3(record.origin)) + size(there) + (light.distant ? 0.0f : size(light.aim)));
     const bool before = p.z > 1.0e-3f * (abs(p.x) + abs(p.y)) + 4.0f * pad;
     if (!__all_sync(FULL_WARP, light.distant | before))
         return;
-    const float rate = light.distant ? 1.0f : 1.0f / p.z, x = rate * p.x, y = rate * p.y,
-                aside = abs(x) + abs(y);
+    const float rate = light.distant ? 1.0f : 1.0f / p.z, x = rate * p.x, y = rate * p.y, aside = abs(x) + abs(y);
     const float by = pad * rate * (2.0f + aside) + 1.0e-5f * aside;
     const auto around = [&](float u, float v) {
         return LightSpaceBounds { warp_min(u - by), -warp_min(-u - by), warp_min(v - by), -warp_min(-v - by) };
@@ -82,8 +81,8 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
 // Bit mask of the rays of a warp that `ask` and are blocked by occluder boxes of their meshes. Each ray has a mesh, by
 // `slot` in a list and by `mesh`, and is in its frame. One ray is tested against all boxes of its mesh; the box that
 // blocks it best is tested against all rays.
-template <class Meshes>
-WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes, int slot, int mesh, const Ray& ray, const Span& span, bool asks)
+template <class Meshes> WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes, int slot, int mesh, const Ray& ray,
+                                                           const Span& span, bool asks)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     bool stopped = false;
@@ -106,7 +105,8 @@ WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes, int slot, int mesh, con
             asks = false;
         if (least >= as_int(1.0f))
             break;
-        const float own = OccluderBox::load_from(meshes.shutters.data, its_mesh, least & (WARP_SIZE - 1)).aside(ray, span);
+        const float own =
+            OccluderBox::load_from(meshes.shutters.data, its_mesh, least & (WARP_SIZE - 1)).aside(ray, span);
         const bool stops = (own < 1.0f) & (slot == __shfl_sync(FULL_WARP, slot, from)) & (asks | (lane == from));
         stopped |= stops;
         asks &= !stops;

@@ -20,15 +20,18 @@ template <class Shapes> WARPCAM_DEVICE Floor load_floor(const Shapes& shapes, co
     const Shape shape = load_shape(shapes, world, id);
     const Mat3& r = shape.rotation;
     const Vec3 normal { r.at[0][2], r.at[1][2], r.at[2][2] };
-    return { normal, dot(normal, { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
-                                   shape.position.z - camera.origin.z }), id };
+    return { normal,
+             dot(normal, { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
+                           shape.position.z - camera.origin.z }),
+             id };
 }
 
 // True if all four are the same number.
 template <int BYTES> WARPCAM_DEVICE bool all_are(const AlignedArray<unsigned, BYTES>& words, int number)
 {
-    const unsigned wanted = BYTES == 1 ? (unsigned(number) & 0xffu) * 0x01010101u
-        : BYTES == 2 ? (unsigned(number) & 0xffffu) * 0x00010001u : unsigned(number);
+    const unsigned wanted = BYTES == 1   ? (unsigned(number) & 0xffu) * 0x01010101u
+                            : BYTES == 2 ? (unsigned(number) & 0xffffu) * 0x00010001u
+                                         : unsigned(number);
     bool all = true;
 #pragma unroll
     for (int k = 0; k < BYTES; ++k)
@@ -57,8 +60,9 @@ struct FloorShade {
 };
 
 // `bounds`: what all casters cover.
-template <class View> WARPCAM_DEVICE FloorShade floor_shade(const View& view, const Floor& floor, const LightSpaceBounds& bounds,
-                                                        const Region& region, int lane)
+template <class View> WARPCAM_DEVICE FloorShade floor_shade(const View& view, const Floor& floor,
+                                                            const LightSpaceBounds& bounds, const Region& region,
+                                                            int lane)
 {
     const float side = floor.away < 0.0f ? -1.0f : 1.0f, away = side * floor.away;
     const auto& ray = view.sight;
@@ -66,7 +70,7 @@ template <class View> WARPCAM_DEVICE FloorShade floor_shade(const View& view, co
     // A ray's way to the plane is `away` over this; all is multiplied by it, as it is not negative where the plane is
     // seen.
     const Vec3 rate { side * dot(floor.normal, ray.across), side * dot(floor.normal, ray.down),
-                     side * dot(floor.normal, ray.start) };
+                      side * dot(floor.normal, ray.start) };
     const auto place = [&](float across, float down, float start, float along) {
         return Vec3 { away * across + along * rate.x, away * down + along * rate.y, away * start + along * rate.z };
     };

@@ -23,7 +23,7 @@ template <int LENS> inline void row_rays(const PointReconstructor<LENS>& s, int 
     if constexpr (has_table(LENS))
         beams_from<LENS>(s.camera, left, row, rays);
     else
-        rays = { float(left) + Float8 { 0, 1, 2, 3, 4, 5, 6, 7 }, (Float8)float(row) };
+        rays = { float(left) + Float8 { 0, 1, 2, 3, 4, 5, 6, 7 }, (Float8) float(row) };
 }
 
 inline Vec3x8 points_of(const PointReconstructor<PINHOLE>& s, const RowPart& at, Float8 depth)
@@ -145,8 +145,7 @@ struct Points {
             beside[row] = aside;
         }
         const Vec3x8 d = rays_to(light, p);
-        const Float8 rounding = 2.0e-6f
-            * (abs(origin.x + p.x) + abs(origin.y + p.y) + abs(origin.z + p.z) + depth);
+        const Float8 rounding = 2.0e-6f * (abs(origin.x + p.x) + abs(origin.y + p.y) + abs(origin.z + p.z) + depth);
         near[row] = rounding * rcp(sqrt(max(dot(d, d), (Float8)1.0e-30f)));
         Float8 far = light.distant ? (Float8)MAX_RAY_T : one - near[row];
         const ShadowMap& map = light.map;
@@ -161,7 +160,10 @@ struct Points {
     }
 
     Vec3 point(int lane) const { return get_lane(at[lane / SIMD_WIDTH], lane % SIMD_WIDTH); }
-    Span span(int lane) const { return { near[lane / SIMD_WIDTH][lane % SIMD_WIDTH], reach[lane / SIMD_WIDTH][lane % SIMD_WIDTH] }; }
+    Span span(int lane) const
+    {
+        return { near[lane / SIMD_WIDTH][lane % SIMD_WIDTH], reach[lane / SIMD_WIDTH][lane % SIMD_WIDTH] };
+    }
 
     Int8 may_be_shaded(int row, const LightSpaceBounds& w, float top) const
     {
@@ -248,7 +250,7 @@ template <int CAPACITY> struct Windows {
     {
         const LightSpaceBounds& w = tile.window;
         const Int8 may = (left[packet] <= w.right) & (right[packet] >= w.left) & (bottom[packet] <= w.top)
-            & (top[packet] >= w.bottom) & (height[packet] > tile.floor);
+                         & (top[packet] >= w.bottom) & (height[packet] > tile.floor);
         return movemask(may);
     }
 

@@ -15,12 +15,13 @@ constexpr int FEW_CASTERS = 2;
 template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
 {
     const Vec3 sum = as_vec3(per_world(lights.ambient, world, light)) + as_vec3(per_world(lights.diffuse, world, light))
-        + as_vec3(per_world(lights.specular, world, light));
+                     + as_vec3(per_world(lights.specular, world, light));
     return per_world(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
 }
 
 template <int TYPES, int LENS, class Lights>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& lights, const Camera& camera, int world, int light)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& lights, const Camera& camera, int world,
+                                                                  int light)
 {
     const bool distant = per_world(lights.types, world, light) == LIGHT_DIRECTIONAL;
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
@@ -93,7 +94,7 @@ template <class List> WARPCAM_DEVICE bool others_met(const List& list, unsigned 
 template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Shapes& shapes, const Meshes& meshes,
-                           const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
+                               const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1;
     const ReceiverView<LENS>& view = task.view;
@@ -131,8 +132,8 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             const int i = task.region.left + column, j = task.region.top + row;
             const size_t at = task.corner + unsigned(row * target.width + column);
             const int inside = j < target.height ? target.width - i : 0;
-            asking = __ballot_sync(FULL_WARP, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view,
-                                                                   task.fresh));
+            asking = __ballot_sync(
+                FULL_WARP, find_asking<Strips::TILES>(target, at, inside, float(i), float(j), list, view, task.fresh));
             __syncwarp();  // masks that one lane clears another may write
         }
         const int first_lane = ctz(asking);
@@ -192,7 +193,8 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
         int none;
-        while (next_tile(none)) { }
+        while (next_tile(none)) {
+        }
     }
 #else
     const Region region = task.region;
@@ -225,8 +227,8 @@ WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, in
     if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
         && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
         for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
-            clear_several<TOGETHER>(corner + unsigned(number / (WIDTH / TOGETHER) * target.width
-                                                      + number % (WIDTH / TOGETHER) * TOGETHER));
+            clear_several<TOGETHER>(
+                corner + unsigned(number / (WIDTH / TOGETHER) * target.width + number % (WIDTH / TOGETHER) * TOGETHER));
         return;
     }
 #endif
@@ -242,8 +244,8 @@ WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, in
 template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                     const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
-                     int index)
+                         const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
+                         int index)
 {
     constexpr int BESIDE = lights_per_batch<TYPES, CAPACITY>();
     WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
@@ -306,7 +308,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_sync();
                 collect_casters<TYPES, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
-                                              lane);
+                                                  lane);
                 warp_sync();
                 if constexpr (has_shutters(TYPES)) {
                     for (int slot = 0; slot < list.count; ++slot)

@@ -24,8 +24,7 @@ struct Span {
 WARPCAM_DEVICE Span span_of(const LightView& light, Vec3 origin, Vec3 p, float depth)
 {
     const Vec3 d = ray_to(light, p);
-    const float rounding = 2.0e-6f
-        * (abs(origin.x + p.x) + abs(origin.y + p.y) + abs(origin.z + p.z) + depth);
+    const float rounding = 2.0e-6f * (abs(origin.x + p.x) + abs(origin.y + p.y) + abs(origin.z + p.z) + depth);
     const float near = rounding * rcp(sqrt(max(dot(d, d), 1.0e-30f)));
     return { near, reach_of(light, p, near) };
 }
@@ -46,16 +45,17 @@ WARPCAM_DEVICE Ray look_back(const ShapeRecord& record, const Float3Int& aim, Ve
 }
 
 // True if the segment from p to the light intersects a mesh's box. The box is widened by more than all rounding.
-WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, const Box& box, Vec3 p, const Span& span, bool distant)
+WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, const Box& box, Vec3 p, const Span& span,
+                              bool distant)
 {
     const Ray ray = look_back(record, aim, p, distant);
     const Vec3 o = ray.origin, d = ray.direction;
     const Vec3 inverse { rcp(avoid_zero(d.x)), rcp(avoid_zero(d.y)), rcp(avoid_zero(d.z)) };
     const float pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z));
     const Vec3 middle { (box.center.x - o.x) * inverse.x, (box.center.y - o.y) * inverse.y,
-                       (box.center.z - o.z) * inverse.z };
+                        (box.center.z - o.z) * inverse.z };
     const Vec3 half { (box.half.x + pad) * abs(inverse.x), (box.half.y + pad) * abs(inverse.y),
-                     (box.half.z + pad) * abs(inverse.z) };
+                      (box.half.z + pad) * abs(inverse.z) };
     const float enter = max(max(middle.x - half.x, middle.y - half.y), max(middle.z - half.z, span.near));
     const float leave = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, span.reach));
     return enter <= leave;
@@ -64,8 +64,9 @@ WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, c
 // True if a height field shades the point p of shape `id`. Points inside the ground are shaded by the side through
 // which the way to the light leaves, as in shadow maps; a field's own points lie on its ground, where rounding would
 // decide.
-template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const HeightFields& fields, const ShapeRecord& record,
-                                                                const LightView& light, Vec3 p, int id, const Span& span)
+template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const HeightFields& fields,
+                                                                    const ShapeRecord& record, const LightView& light,
+                                                                    Vec3 p, int id, const Span& span)
 {
     const WorldRay ray { p, ray_to(light, p) };
     const float near = thin_span(light, span).near;

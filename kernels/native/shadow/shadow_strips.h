@@ -52,7 +52,7 @@ template <int COUNT, class Value> WARPCAM_DEVICE void clear_several(Value* to)
 // their masks.
 template <int COUNT, int LENS, class List, class Target>
 WARPCAM_DEVICE bool find_asking(const Target& target, size_t at, int inside, float i, float j, const List& list,
-                            const ReceiverView<LENS>& view, bool fresh)
+                                const ReceiverView<LENS>& view, bool fresh)
 {
     int id[COUNT];
     float depth[COUNT] = {};
@@ -88,7 +88,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool uses_plane_
 {
     using Strips = Strip<WIDTH, HEIGHT>;
     return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
-        && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
+           && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 
 // Adds a light's bit to a pixel's mask. BESIDE: other warps may be adding those of other lights.

@@ -15,8 +15,8 @@ WARPCAM_DEVICE TileWindow whole_tile() { return { { -MISS, MISS, -MISS, MISS }, 
 WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
 {
     const float u = place.beside ? -MISS : place.u, v = place.beside ? -MISS : place.v;
-    return { { warp_min(asks ? u : MISS), -warp_min(asks ? place.beside ? u : -u : MISS),
-               warp_min(asks ? v : MISS), -warp_min(asks ? place.beside ? v : -v : MISS) },
+    return { { warp_min(asks ? u : MISS), -warp_min(asks ? place.beside ? u : -u : MISS), warp_min(asks ? v : MISS),
+               -warp_min(asks ? place.beside ? v : -v : MISS) },
              warp_min(asks ? place.height : MISS) };
 }
 
@@ -34,8 +34,8 @@ template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const Ti
 // `met`, bits by slot, if the way to the light intersects their boxes; returns true if there are any.
 template <int TYPES, int LENS, class List, class HeightFields>
 WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view, Vec3 p, int id, const Span& span,
-                           const LightSpacePoint& place, const TileWindow& tile, bool& open, const HeightFields& fields,
-                           unsigned* met)
+                               const LightSpacePoint& place, const TileWindow& tile, bool& open,
+                               const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + 31) / 32;

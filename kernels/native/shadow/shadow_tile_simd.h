@@ -14,8 +14,8 @@ inline void shade_points(const ShapeRecord& r, const Float3Int& aim, const Light
     const Vec3 a { aim.x, aim.y, aim.z };
     const Vec3x8 p = points.at[row];
     const Vec3x8 origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
-                        r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
-                        r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
+                          r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
+                          r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
     const Vec3x8 direction = light.distant ? broadcast(a) : broadcast(a) - origin;
     const Float8 t = INSIDE ? intersect_exit<TYPE>(r, origin, direction) : enter<TYPE>(r, origin, direction);
     const Float8 near = INSIDE ? points.near[row] + light.map.nearest : points.near[row];
@@ -51,17 +51,18 @@ template <class HeightFields> inline void shade_points_by_field(const HeightFiel
 }
 
 // Tests the segments of eight points against a mesh's box, as meets_box() does.
-inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box, Vec3x8 p, Float8 near, Float8 reach, bool distant)
+inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box, Vec3x8 p, Float8 near, Float8 reach,
+                     bool distant)
 {
     const Vec3x8 o { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + r.origin.x,
-                   r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + r.origin.y,
-                   r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + r.origin.z };
+                     r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + r.origin.y,
+                     r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + r.origin.z };
     const Vec3x8 a = broadcast({ aim.x, aim.y, aim.z }), d = distant ? a : a - o;
     const Vec3x8 inverse { rcp(avoid_zero(d.x)), rcp(avoid_zero(d.y)), rcp(avoid_zero(d.z)) };
     const Float8 pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z));
     const Vec3x8 middle = mul(broadcast(box.center) - o, inverse);
     const Vec3x8 half { (box.half.x + pad) * abs(inverse.x), (box.half.y + pad) * abs(inverse.y),
-                      (box.half.z + pad) * abs(inverse.z) };
+                        (box.half.z + pad) * abs(inverse.z) };
     const Float8 enter = max(max(middle.x - half.x, middle.y - half.y), max(middle.z - half.z, near));
     const Float8 leave = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, reach));
     return enter <= leave;
@@ -73,8 +74,8 @@ inline void put_rays(MeshRays& rays, int first, const ShapeRecord& r, Vec3x8 p, 
 {
     const auto dot_axis = [&](Vec3x8 v, Vec3 start) {
         return Vec3x8 { r.axis_x.x * v.x + r.axis_x.y * v.y + r.axis_x.z * v.z + start.x,
-                      r.axis_y.x * v.x + r.axis_y.y * v.y + r.axis_y.z * v.z + start.y,
-                      r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
+                        r.axis_y.x * v.x + r.axis_y.y * v.y + r.axis_y.z * v.z + start.y,
+                        r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
     };
     const Vec3 none { 0.0f, 0.0f, 0.0f };
     const Vec3x8 own = dot_axis(to, none), d = TYPES >> PER_SHAPE_SCALE & 1 ? own : to;
@@ -108,13 +109,14 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                 if (!any(asks))
                     continue;
                 const Float8 near = points.near[row] + light.map.nearest;
-                unsigned met = movemask(asks & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row], near,
-                                                       points.reach[row], light.distant));
+                unsigned met = movemask(asks
+                                        & meet_box(record, list.aims[slot], list.boxes[slot], points.at[row], near,
+                                                   points.reach[row], light.distant));
                 for (unsigned asked = met & ~(known >> row * SIMD_WIDTH); asked; asked &= asked - 1) {
                     const int lane = row * SIMD_WIDTH + ctz(asked);
                     const Vec3 point = points.point(lane);
                     const Vec3 sight = view.sight.along_of(point, float(points.left + lane % TILE_WIDTH),
-                                                          float(points.top + lane / TILE_WIDTH));
+                                                           float(points.top + lane / TILE_WIDTH));
                     const Facing one = face_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane],
                                                          light, view.origin, sight, point);
                     facing |= unsigned(one.front) << lane;
@@ -171,13 +173,13 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
             const ShapeRecord& record = list.records[slot];
             const Float3Int& aim = list.aims[slot];
             switch (record.axis_x.w) {
-#define WARPCAM_CASE(TYPE) \
-    case TYPE: \
-        if constexpr ((TYPES >> TYPE & 1) != 0) \
-            shade_points<TYPE, false>(record, aim, view.light, row, points); \
-        if constexpr ((TYPES >> TYPE & 1) && (TYPES >> TRANSPARENT_CASTERS & 1)) \
-            if (aim.w) \
-                shade_points<TYPE, true>(record, aim, view.light, row, points); \
+#define WARPCAM_CASE(TYPE)                                                                                             \
+    case TYPE:                                                                                                         \
+        if constexpr ((TYPES >> TYPE & 1) != 0)                                                                        \
+            shade_points<TYPE, false>(record, aim, view.light, row, points);                                           \
+        if constexpr ((TYPES >> TYPE & 1) && (TYPES >> TRANSPARENT_CASTERS & 1))                                       \
+            if (aim.w)                                                                                                 \
+                shade_points<TYPE, true>(record, aim, view.light, row, points);                                        \
         break;
                 WARPCAM_CASE(PLANE)
                 WARPCAM_CASE(SPHERE)

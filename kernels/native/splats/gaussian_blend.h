@@ -48,8 +48,8 @@ struct AlphaComposite {
 };
 
 template <class Splats, int LENS> WARPCAM_DEVICE void blend(const Splats& splats, const Cloud& cloud,
-                                                        const CameraRay<LENS>& seen, Key key, unsigned index, float half,
-                                                        AlphaComposite& blend)
+                                                            const CameraRay<LENS>& seen, Key key, unsigned index,
+                                                            float half, AlphaComposite& blend)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
@@ -131,7 +131,7 @@ template <class... Structs> SplatScene(const Structs&...) -> SplatScene<Structs.
 // Blends all clouds along a ray.
 template <int WANTED, int LENS, class Scene>
 WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
-                             const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
+                                        const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
 {
     constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
     AlphaComposite found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
@@ -158,9 +158,10 @@ WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds,
 
 // Finds the nearest solid cloud along a ray: clouds are solid where little enough light passes, and absent elsewhere,
 // as in Newton's camera. Each cloud counts by itself, in the mean colour of its Gaussians that the ray blends.
-template <int LENS, class Scene>
-WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
-                                 const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
+template <int LENS, class Scene> WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds,
+                                                                             int num_clouds, const Camera& camera,
+                                                                             const CameraRay<LENS>& seen, float far,
+                                                                             unsigned mask, Key* keys, int step)
 {
     const auto limits = wp::index(scene.frame.limits, 0);
     AlphaComposite surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
@@ -194,7 +195,7 @@ WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clo
 
 template <int LENS, int WANTED, class Scene>
 WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
-                                 int world, int column, int row, unsigned at, Key* keys, int step)
+                                     int world, int column, int row, unsigned at, Key* keys, int step)
 {
     const int behind = scene.frame.shape.data[at];
     const float far = behind < 0 ? camera.far : scene.frame.depth.data[at];
@@ -241,7 +242,8 @@ WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, in
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block. CAPACITY:
 // clouds.
-template <int LENS, int CAPACITY, int WANTED, class Scene> WARPCAM_DEVICE void draw_splats(const Scene& scene, int index)
+template <int LENS, int CAPACITY, int WANTED, class Scene>
+WARPCAM_DEVICE void draw_splats(const Scene& scene, int index)
 {
     WARPCAM_SHARED Cloud clouds[CAPACITY];
     const auto& frame = scene.frame;

@@ -27,8 +27,8 @@ struct Cloud {
 };
 
 template <class Shapes, class Splats> WARPCAM_DEVICE void load_cloud(Cloud& cloud, const Shapes& shapes,
-                                                                 const Splats& splats, const Camera& camera, int world,
-                                                                 int place)
+                                                                     const Splats& splats, const Camera& camera,
+                                                                     int world, int place)
 {
     const int shape = wp::index(splats.columns, place);
     const auto color = per_world(shapes.colors, world, shape);
@@ -105,13 +105,14 @@ WARPCAM_DEVICE void order(Key& a, Key& b)
 }
 
 WARPCAM_DEVICE void test_leaf(const void* gaussians, const Cloud& cloud, const Ray& ray, int code, unsigned name,
-                          Nearest& nearest)
+                              Nearest& nearest)
 {
     const int first = code >> 4, end = first + (code & 15);
     Key bound = nearest.bound();
     for (int i = first; i < end; ++i) {
         const unsigned row = 4u * (unsigned(cloud.axis_z.w) + i);
-        const GaussianSpaceRay w = whiten(load(gaussians, row), load(gaussians, row + 1), load(gaussians, row + 2), ray);
+        const GaussianSpaceRay w =
+            whiten(load(gaussians, row), load(gaussians, row + 1), load(gaussians, row + 2), ray);
         const Vec3 off = cross(w.origin, w.direction);
         const float dd = dot(w.direction, w.direction), t = -dot(w.origin, w.direction) * rcp(dd);
         if (dot(off, off) < dd && t > 0.0f) {
@@ -140,7 +141,8 @@ WARPCAM_DEVICE void walk(const Splats& splats, const Cloud& cloud, const Ray& ra
             Key found[4];
 #pragma unroll
             for (int k = 0; k < 4; ++k) {
-                const Float3Int lo = load(splats.nodes.data, row + 2 * k), hi = load(splats.nodes.data, row + 2 * k + 1);
+                const Float3Int lo = load(splats.nodes.data, row + 2 * k),
+                                hi = load(splats.nodes.data, row + 2 * k + 1);
                 const float x0 = lo.x * s.scale.x + s.down.x, x1 = hi.x * s.scale.x + s.up.x;
                 const float y0 = lo.y * s.scale.y + s.down.y, y1 = hi.y * s.scale.y + s.up.y;
                 const float z0 = lo.z * s.scale.z + s.down.z, z1 = hi.z * s.scale.z + s.up.z;

@@ -19,13 +19,14 @@ WARPCAM_DEVICE float bilinear_alpha(const unsigned* texels, const Level& level, 
 }
 
 // At (u, v), in images, in [0, 1]; `right` and `down` are the steps to the next pixels.
-WARPCAM_DEVICE float sample_alpha(const unsigned* texels, const Image& image, float u, float v, Float2 right, Float2 down)
+WARPCAM_DEVICE float sample_alpha(const unsigned* texels, const Image& image, float u, float v, Float2 right,
+                                  Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,
                 down_v = down.y * height;
-    const float detail = level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
-                                         image.levels);
+    const float detail =
+        level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v, image.levels);
     const int steps = int(detail);
     const float on = detail - float(steps);
     const Level level = Level { image.start, image.width, image.height }.after(steps, 1);

@@ -130,7 +130,7 @@ WARPCAM_DEVICE unsigned two_weights(float part, float first, float other, float 
 
 // Adds four neighbours, the upper two first, which together weigh `total`.
 WARPCAM_DEVICE void add_quad(const unsigned* texels, const int* quad, const Between& x, const Between& y, float total,
-                         Blend& blend)
+                             Blend& blend)
 {
     const float low = y.on * total, high = total - low, left = 1.0f - x.on;
     add_texels(texels, quad[0], quad[1], two_weights(left, high, x.on, high), blend);
@@ -138,7 +138,8 @@ WARPCAM_DEVICE void add_quad(const unsigned* texels, const int* quad, const Betw
 }
 
 // Adds the colour at (u, v) in [0, 1].
-WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total, Blend& blend)
+WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, float u, float v, float total,
+                                 Blend& blend)
 {
     const Between x = between_texels(u, level.width), y = between_texels(v, level.height);
     const int left = first_or_last(x.first, level.width), right = x.first + 1 >= level.width ? 0 : x.first + 1;
@@ -234,7 +235,8 @@ WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
 #if defined(__CUDA_ARCH__)
 // Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
 // rounds how far a place is from a texel to 1/256.
-WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u, float v, float on)
+WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u,
+                                 float v, float on)
 {
     u = fraction(u);
     v = fraction(v);
@@ -246,16 +248,17 @@ WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near
 
 #if defined(__CUDA_ARCH__)
 // As sample_2d(), from a sheet.
-WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right, Float2 down)
+WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right,
+                                    Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
     const float right_u = right.x * width, right_v = right.y * height, down_u = down.x * width,
                 down_v = down.y * height;
-    const float detail = level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v,
-                                         image.levels);
+    const float detail =
+        level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v, image.levels);
     const int steps = int(detail);
-    return sample_sheet(sheet, level_on_sheet(image, steps),
-                        level_on_sheet(image, min(steps + 1, image.levels - 1)), u, v, detail - float(steps));
+    return sample_sheet(sheet, level_on_sheet(image, steps), level_on_sheet(image, min(steps + 1, image.levels - 1)), u,
+                        v, detail - float(steps));
 }
 #endif
 
@@ -328,8 +331,8 @@ static WARPCAM_NOINLINE int cube_texel(int start, int size, int face, int i, int
 }
 
 // Adds the colour at (s, t) in [0, 1] of a face.
-WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t, float total,
-                                  Blend& blend)
+WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level, int face, float s, float t,
+                                      float total, Blend& blend)
 {
     const int size = level.width;
     const Between x = between_texels(s, size), y = between_texels(t, size);
@@ -359,14 +362,15 @@ WARPCAM_DEVICE OnCube on_cube(const Image& image, Vec3 direction, Vec3 right, Ve
     const float right_x = scale * (step_right.x - x * step_right.z);
     const float right_y = scale * (step_right.y - y * step_right.z);
     const float down_x = scale * (step_down.x - x * step_down.z), down_y = scale * (step_down.y - y * step_down.z);
-    const float detail = level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y,
-                                         image.levels);
+    const float detail =
+        level_of_detail(right_x * right_x + right_y * right_y, down_x * down_x + down_y * down_y, image.levels);
     return { face, saturate(0.5f * x + 0.5f), saturate(0.5f * y + 0.5f), detail };
 }
 
 // Colour in [0, 1] of a cube texture in a direction of any length from its middle. The steps are the changes of
 // `direction` from this pixel to the next on the right and to the next below.
-static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
+static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& image, Vec3 direction, Vec3 right,
+                                         Vec3 down)
 {
     const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
@@ -381,17 +385,17 @@ static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& im
 
 #if defined(__CUDA_ARCH__)
 // The same, from a sheet.
-WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right, Vec3 down)
+WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right,
+                                      Vec3 down)
 {
     const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
     const Float3Int near = level_of_cube_on_sheet(image.width, steps);
     const Float3Int far = level_of_cube_on_sheet(image.width, min(steps + 1, image.levels - 1));
     const float face = float(on.face), part = on.detail - float(steps);
-    const Vec3 first = look_up(sheet, fma(face, near.y, fma(on.s, near.x, near.z)),
-                              fma(on.t, near.x, as_float(near.w)));
-    const Vec3 second = look_up(sheet, fma(face, far.y, fma(on.s, far.x, far.z)),
-                               fma(on.t, far.x, as_float(far.w)));
+    const Vec3 first =
+        look_up(sheet, fma(face, near.y, fma(on.s, near.x, near.z)), fma(on.t, near.x, as_float(near.w)));
+    const Vec3 second = look_up(sheet, fma(face, far.y, fma(on.s, far.x, far.z)), fma(on.t, far.x, as_float(far.w)));
     return first + part * (second - first);
 }
 #endif

@@ -24,7 +24,7 @@ WARPCAM_DEVICE unsigned warp_reduce_or(unsigned bits)
 // Finds the ray's nearest hit among a leaf's faces, if it is before its hit so far.
 template <int TYPES, class Meshes, class Ray>
 WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
-                          float& depth, int& shape, int& face)
+                              float& depth, int& shape, int& face)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
     const RayFrame frame = ray.template frame<TYPES>(record);
@@ -37,9 +37,8 @@ WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, c
         for (int i = 0; i < TOGETHER; ++i) {
             const int f = face_of<TOGETHER>(begin, i, end);
             const Float3Int &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
-            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z),
-                                           project(frame, b.x, b.y, b.z), project(frame, c.x, c.y, c.z),
-                                           has_back<TYPES>(b.w));
+            const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
+                                           project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
             if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
                 depth = t;
                 shape = record.axis_y.w;
@@ -51,9 +50,9 @@ WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, c
 
 // The faces of all leaves that lanes of a warp have come to, lane after lane, each with its lane's ray.
 struct RayFacePairs {
-    int first;       // the lane's first face
+    int first;  // the lane's first face
     int begin, end;  // where its faces stand
-    int count;       // of all
+    int count;  // of all
 
     // Number of faces of a leaf; 0 for anything else.
     WARPCAM_DEVICE static int faces_of(int node) { return node < 0 ? (-node - 1) & 15 : 0; }
@@ -104,7 +103,8 @@ struct RayFacePairs {
     WARPCAM_DEVICE unsigned places(int window) const
     {
         const int last = min(end - window, WARP_SIZE);
-        const unsigned until = last <= 0 ? 0 : FULL_WARP >> (WARP_SIZE - last), from = begin > window ? begin - window : 0;
+        const unsigned until = last <= 0 ? 0 : FULL_WARP >> (WARP_SIZE - last),
+                       from = begin > window ? begin - window : 0;
         return from < WARP_SIZE ? until >> from << from : 0;
     }
 };
@@ -122,9 +122,9 @@ struct AnyPairRoom {
 };
 
 // Intersects a pair's ray with its face beyond `near` and before `depth`; MISS if there is no intersection.
-template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record, const Meshes& meshes,
-                                                                         const Ray& ray, int face, float near,
-                                                                         float depth)
+template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record,
+                                                                             const Meshes& meshes, const Ray& ray,
+                                                                             int face, float near, float depth)
 {
     const Float3Int* rows =
         reinterpret_cast<const Float3Int*>(meshes.faces.data) + (as_int(record.size.z) + unsigned(face * FACE_ROWS));
@@ -139,8 +139,8 @@ template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(con
 // together; returns whether the lane's ray hits one. With `full` lanes wait again for others rather than leave most of
 // a warp idle: `node` becomes the rest of the leaf.
 template <int TYPES, class List, class Meshes, class Ray>
-WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot, int node,
-                            int faces, float near, bool full, float& depth, int& face, int& left)
+WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
+                                int node, int faces, float near, bool full, float& depth, int& face, int& left)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     const RayFacePairs pairs(node, faces);
@@ -181,7 +181,7 @@ WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& 
 // Tests leaves for rays that end at any hit: few faces are hit, so their lanes ask for them one after another.
 template <int TYPES, class List, class Meshes, class Ray>
 WARPCAM_DEVICE bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
-                            int node, int faces, float near, bool full, float& depth, int& face, int& left)
+                                int node, int faces, float near, bool full, float& depth, int& face, int& left)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     const RayFacePairs pairs(node, faces);

@@ -57,8 +57,8 @@ WARPCAM_DEVICE bool may_meet_face(const CornerRays& rays, Vec3 a, Vec3 b, Vec3 c
 }
 
 // One child of a node: its box and its code.
-template <int TYPES>
-WARPCAM_DEVICE int child_of(const void* rows, unsigned nodes, int node, int k, const ShapeRecord& record, Vec3& low, Vec3& high)
+template <int TYPES> WARPCAM_DEVICE int child_of(const void* rows, unsigned nodes, int node, int k,
+                                                 const ShapeRecord& record, Vec3& low, Vec3& high)
 {
     const auto part = [&](unsigned row) {
         const Float3Int of_all = load(rows, row);

@@ -38,7 +38,8 @@ struct InfinitePlane {
     }
 
     // True if all rays of a warp certainly intersect the plane.
-    template <int TILES_PER_WARP> WARPCAM_DEVICE bool test(const CameraRay<PINHOLE> (&rays)[TILES_PER_WARP], Hit (&hits)[TILES_PER_WARP]) const
+    template <int TILES_PER_WARP>
+    WARPCAM_DEVICE bool test(const CameraRay<PINHOLE> (&rays)[TILES_PER_WARP], Hit (&hits)[TILES_PER_WARP]) const
     {
         const Float3Int a = axis;
         float down[TILES_PER_WARP];

@@ -8,20 +8,20 @@
 namespace warpcam {
 
 // The rays of one warp.
-template <int WORDS> struct MeshRays: RayQueue<WORDS> {
+template <int WORDS> struct MeshRays : RayQueue<WORDS> {
     static constexpr bool ANY = false;     // the nearest of a mesh's faces
     static constexpr bool PAIRED = false;  // each lane tests the faces of its own ray
     float depth[WARP_SIZE];  // of the waiting rays' nearest hits so far
 };
 
 // Rays of a warp that has few: its lanes test faces for each other, see traversal/cooperative_leaf_test.h.
-template <int WORDS> struct PairedMeshRays: MeshRays<WORDS> {
+template <int WORDS> struct PairedMeshRays : MeshRays<WORDS> {
     static constexpr bool PAIRED = true;
     PairRoom room;
 };
 
 // Rays for which distance matters between meshes, not within one: any face that is hit will do.
-template <int WORDS> struct AnyMeshRays: MeshRays<WORDS> {
+template <int WORDS> struct AnyMeshRays : MeshRays<WORDS> {
     static constexpr bool ANY = true, PAIRED = true;
     AnyPairRoom room;
 };
@@ -59,7 +59,7 @@ constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
 template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
 WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
-                         const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+                             const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const unsigned steps = PackedTileRect::steps(column, row, 1, 1);
@@ -67,8 +67,8 @@ WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& l
     bool any = false;
     for (int word = 0; word < words; ++word) {
         const int rank = word * WARP_SIZE + lane;
-        const bool mine = rank < list.count && list.tiles[rank].touches(steps)
-            && is_mesh<TYPES>(list.records[list.order[rank]]);
+        const bool mine =
+            rank < list.count && list.tiles[rank].touches(steps) && is_mesh<TYPES>(list.records[list.order[rank]]);
         unsigned mask = __ballot_sync(FULL_WARP, mine);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
             const TileRays tile = rays_of_tile(ray);
@@ -97,7 +97,7 @@ WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& l
 // pixel's ray. `list` has the shapes that they meet: see ShapeList.
 template <int TYPES, class Rays, class List, class Meshes, class NextTile, class RayOf, class Store>
 WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshes, float near,
-                           const NextTile& next_tile, const RayOf& ray_of, const Store& store)
+                               const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     // Traversal stack of the lane. Where any face will do, a ray's depth stays as it is during traversal: then the
@@ -194,7 +194,8 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
         }
 
         const int faces = Rays::PAIRED ? warp_reduce_add(RayFacePairs::faces_of(node)) : 0;
-        const bool enough = Rays::PAIRED ? faces >= MIN_LEAF_PAIRS : __popc(__ballot_sync(FULL_WARP, node < 0)) >= MIN_ACTIVE_LANES;
+        const bool enough =
+            Rays::PAIRED ? faces >= MIN_LEAF_PAIRS : __popc(__ballot_sync(FULL_WARP, node < 0)) >= MIN_ACTIVE_LANES;
         if (enough || (!stepping && __any_sync(FULL_WARP, node < 0))) {
             int left_of_leaf = NO_NODE;
             bool ends = false;

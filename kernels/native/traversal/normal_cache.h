@@ -5,7 +5,7 @@
 namespace warpcam {
 
 template <int HITS_NAME_SLOTS> struct NormalCache;
-template <> struct NormalCache<0> { };
+template <> struct NormalCache<0> {};
 
 #if defined(__CUDA_ARCH__)
 constexpr float NORMAL_VARIES = 2.0f;

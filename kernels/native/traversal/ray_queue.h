@@ -14,8 +14,8 @@ constexpr int A_FEW_WORDS = 2;  // of 32 shapes, that a lane has in registers
 template <int WORDS> struct RayQueue {
     // bits by place in the list: meshes whose boxes a ray meets
     unsigned waiting[WORDS][WARP_SIZE];  // of the rays of one tile that no lane has taken yet
-    unsigned taken[WORDS][WARP_SIZE];    // of the lanes' own; the first word is in a register
-    unsigned short pixel[WARP_SIZE];     // of the waiting rays: row * 64 + column in the region
+    unsigned taken[WORDS][WARP_SIZE];  // of the lanes' own; the first word is in a register
+    unsigned short pixel[WARP_SIZE];  // of the waiting rays: row * 64 + column in the region
 
     // Lets the rays of the lanes in `found` wait; nobody waits yet. Returns where the lane's own ray stands.
     WARPCAM_DEVICE int put(unsigned found, const unsigned* met, int words, int place)
@@ -54,7 +54,7 @@ template <int WORDS> struct RayQueue {
 // Rays and meshes that a warp has yet to traverse.
 struct PendingWork {
     int first, end;  // of the rays that wait
-    bool more;       // tiles
+    bool more;  // tiles
 
     WARPCAM_DEVICE bool any() const { return more || first < end; }
 

@@ -68,7 +68,7 @@ template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& c
     const float ends[2] = { image_y(camera, float(region.top - 1)),
                             image_y(camera, float(region.top + region.height)) };
     outside |= beyond(x, min(sides[0], sides[1]), -1.0f) | beyond(x, max(sides[0], sides[1]), 1.0f)
-        | beyond(y, min(ends[0], ends[1]), -1.0f) | beyond(y, max(ends[0], ends[1]), 1.0f);
+               | beyond(y, min(ends[0], ends[1]), -1.0f) | beyond(y, max(ends[0], ends[1]), 1.0f);
     return movemask(~outside | s.unknown) & s.there;
 }
 

@@ -44,8 +44,7 @@ constexpr int parts_of(int outputs, int width, int height)
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
     const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
     const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
-    const int most = min(width * height / THREADS, height / TILE_HEIGHT),
-              rows = PIXELS / (STACK * wanted * width);
+    const int most = min(width * height / THREADS, height / TILE_HEIGHT), rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;
     return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
@@ -62,7 +61,7 @@ constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int
     const bool parts =
         width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
     return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
-        && lens == PINHOLE && shapes <= WARP_SIZE;
+           && lens == PINHOLE && shapes <= WARP_SIZE;
 }
 
 // Selects the history of flow, if flow is wanted.

@@ -29,15 +29,16 @@ struct TraceTarget {
     const float *columns, *rows;  // x of the region's columns, y of its rows, where they are LINED
     int part = 0, parts = 1;      // of the region, and which of them is drawn
     static constexpr bool LINED = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE;
-    static constexpr int VECTOR_OUTPUTS = OUTPUTS & WIDTH_MULTIPLE_OF_4 ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
+    static constexpr int VECTOR_OUTPUTS =
+        OUTPUTS & WIDTH_MULTIPLE_OF_4 ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & NO_PARTIAL_TILES) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
     // More than depth and shape.
-    static constexpr bool STORES_MUCH = OUTPUTS
-        & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | TRACE_ALBEDO);
+    static constexpr bool STORES_MUCH =
+        OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | TRACE_ALBEDO);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
-        && CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1);
+                                  && CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1);
 
     // True if tiles that show nothing but an infinite plane are written without a trace: see
     // traversal/infinite_plane.h.
@@ -45,8 +46,9 @@ struct TraceTarget {
                                         && (OUTPUTS & NO_PARTIAL_TILES) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
     // Whole rows of two stacks of such tiles beside each other are written where listed shapes are few, but for these.
-    static constexpr bool PUTS_ROWS = BARE_FLOORS && TILES_PER_WARP == 2 && (OUTPUTS & LISTED_AHEAD) && CAPACITY <= WARP_SIZE
-        && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | TRACE_ALBEDO));
+    static constexpr bool PUTS_ROWS = BARE_FLOORS && TILES_PER_WARP == 2 && (OUTPUTS & LISTED_AHEAD)
+                                      && CAPACITY <= WARP_SIZE
+                                      && !(OUTPUTS & (FACE | POINTS | NORMAL | IDS | FLOWS | TRACE_ALBEDO));
     static constexpr int TILE_COLUMNS_PER_WARP = PUTS_ROWS ? 2 : 1;  // stacks
 
     WARPCAM_DEVICE bool inside(int i, int j) const
@@ -281,7 +283,8 @@ struct TraceTarget {
                 if (seen & FlowFloor::OUTSIDE) {
                     const float column = float(i), row = float(j + k * TILE_HEIGHT);
                     const auto rows = places.of_shape(shape);
-                    const float depth = project_previous<LENS>(rows.at(2), column, row, hit[k].depth), rate = rcp(depth);
+                    const float depth = project_previous<LENS>(rows.at(2), column, row, hit[k].depth),
+                                rate = rcp(depth);
                     const Beside across(project_previous<LENS>(rows.at(0), column, row, hit[k].depth), rate);
                     const Beside along(project_previous<LENS>(rows.at(1), column, row, hit[k].depth), rate);
                     const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
@@ -296,9 +299,9 @@ struct TraceTarget {
 
     // Writes the pixels of a warp's tiles, each lane's, the first of them at (i, j); `row_of_lanes` is room for
     // 3 * WARP_SIZE numbers of each tile where there are VECTOR_OUTPUTS.
-    template <class Ray_>
-    WARPCAM_DEVICE void put_tiles(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP], bool first_pass,
-                              float* row_of_lanes) const
+    template <class Ray_> WARPCAM_DEVICE void put_tiles(int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                                        const Hit (&hits)[TILES_PER_WARP], bool first_pass,
+                                                        float* row_of_lanes) const
     {
         bool whole = false;
         if constexpr (VECTOR_OUTPUTS != 0)
@@ -318,8 +321,8 @@ struct TraceTarget {
         }
     }
 
-    template <class Ray_> WARPCAM_DEVICE void put_whole(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP],
-                                                    float* row_of_lanes) const
+    template <class Ray_> WARPCAM_DEVICE void put_whole(int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                                        const Hit (&hits)[TILES_PER_WARP], float* row_of_lanes) const
     {
         Vec3 values[TILES_PER_WARP];
         if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0)
@@ -378,8 +381,9 @@ struct TraceTarget {
     }
 
     // Writes tiles, as put_tiles() does, whose hits are all on the infinite plane.
-    template <class Ray_>
-    WARPCAM_DEVICE void write_plane_tile(int i, int j, const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP], float* row_of_lanes) const
+    template <class Ray_> WARPCAM_DEVICE void write_plane_tile(int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                                               const Hit (&hits)[TILES_PER_WARP],
+                                                               float* row_of_lanes) const
     {
         const int shape = list.floor.shape;
         __builtin_assume(shape >= 0);

@@ -15,9 +15,11 @@ namespace warpcam {
 
 constexpr int analytic_types(int types)
 {
-    return types & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << PER_SHAPE_SCALE | 1 << TWO_SIDED | 1 << ALPHA_TESTED
-                    | 1 << SHADING_BACKS | 1 << DEFORMING_MESHES | 1 << TRANSPARENT_CASTERS | 1 << TEXTURE_FROM_ABOVE | 1 << TEXTURELESS_SHAPES | 1 << MIDDLE_FIRST
-                    | 1 << PROJECTED | 1 << TRIPLANAR | 1 << TEXTURE_ALPHA | 1 << LIT_NORMALS | 1 << COINCIDENT);
+    return types
+           & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << PER_SHAPE_SCALE | 1 << TWO_SIDED | 1 << ALPHA_TESTED
+               | 1 << SHADING_BACKS | 1 << DEFORMING_MESHES | 1 << TRANSPARENT_CASTERS | 1 << TEXTURE_FROM_ABOVE
+               | 1 << TEXTURELESS_SHAPES | 1 << MIDDLE_FIRST | 1 << PROJECTED | 1 << TRIPLANAR | 1 << TEXTURE_ALPHA
+               | 1 << LIT_NORMALS | 1 << COINCIDENT);
 }
 
 // Integer type of slots and ranks: a byte for up to 256.
@@ -38,7 +40,8 @@ template <int CAPACITY> struct ShapeList {
     int ids[CAPACITY];              // by slot
     TileRect touched[CAPACITY];      // by slot
 #if defined(__CUDA_ARCH__)
-    PackedTileRect tiles[(CAPACITY + WARP_SIZE - 1) / WARP_SIZE * WARP_SIZE];  // the same by rank, then none to a multiple of WARP_SIZE
+    PackedTileRect tiles[(CAPACITY + WARP_SIZE - 1) / WARP_SIZE
+                         * WARP_SIZE];  // the same by rank, then none to a multiple of WARP_SIZE
 #else
     TileParts<CAPACITY> tiles;      // the same by rank
 #endif
@@ -160,15 +163,15 @@ WARPCAM_DEVICE bool meets_mesh(const Meshes& meshes, const ShapeRecord& record, 
 
 template <int LENS> WARPCAM_DEVICE TileRays rays_of_tile(const CameraRay<LENS>& ray)
 {
-    return { __shfl_sync(FULL_WARP, ray.x, 0), __shfl_sync(FULL_WARP, ray.x, WARP_SIZE - 1), __shfl_sync(FULL_WARP, ray.y, WARP_SIZE - 1),
-             __shfl_sync(FULL_WARP, ray.y, 0) };
+    return { __shfl_sync(FULL_WARP, ray.x, 0), __shfl_sync(FULL_WARP, ray.x, WARP_SIZE - 1),
+             __shfl_sync(FULL_WARP, ray.y, WARP_SIZE - 1), __shfl_sync(FULL_WARP, ray.y, 0) };
 }
 
 // Bit mask of the meshes, of 32 in `mask`, whose boxes the lane's ray intersects before `depth`. `slots` leads from a
 // bit to a record; nearest first. The whole warp calls it together.
 template <int LENS, class Meshes>
 WARPCAM_DEVICE unsigned find_meshes(unsigned mask, const ShapeRecord* records, const unsigned char* slots,
-                                const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+                                    const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
     unsigned met = 0;
     for (; mask; mask &= mask - 1) {
@@ -203,7 +206,7 @@ template <int TYPES, class List> WARPCAM_DEVICE bool touching_more(const List& l
 // touching().
 template <int TYPES, int TILES_PER_WARP, class Ray_, class List, class HeightFields>
 WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TILES_PER_WARP],
-                            float near, const HeightFields& fields, Hit (&hits)[TILES_PER_WARP])
+                                float near, const HeightFields& fields, Hit (&hits)[TILES_PER_WARP])
 {
     int begin = 0;
     while (true) {
@@ -223,8 +226,8 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     local[k] = rays[k].local(record);
                 float t[TILES_PER_WARP];
-                intersect_known<analytic_types(TYPES), TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE, BARREL>(
-                    record, local, t);
+                intersect_known<analytic_types(TYPES), TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX,
+                                CONE, BARREL>(record, local, t);
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
                         hits[k].depth = t[k];
@@ -250,7 +253,7 @@ struct Rays {
 template <class Ray_> struct NearOf {
     float all;
 
-    void set(int, const Ray_&) { }
+    void set(int, const Ray_&) {}
     float at(int) const { return all; }
 };
 template <int LENS> struct NearOf<ClippedRay<LENS>> {
@@ -320,11 +323,13 @@ template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     Ray local(const ShapeRecord& record, int lane) const
     {
         return local_of({ { start[0][lane], start[1][lane], start[2][lane] },
-                          { direction[0][lane], direction[1][lane], direction[2][lane] } }, record);
+                          { direction[0][lane], direction[1][lane], direction[2][lane] } },
+                        record);
     }
 };
 
-template <int TYPE, int LENS, class Near> inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
+template <int TYPE, int LENS, class Near>
+inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
 {
     const ShapeRecord r = record;
     const RayLanes<LENS> lanes { rays };
@@ -341,10 +346,10 @@ template <int TYPES, int LENS, class Near, class HeightFields>
 inline void trace_record(const ShapeRecord& record, const Near& near, const HeightFields& fields, Rays& rays)
 {
     switch (record.axis_x.w) {
-#define WARPCAM_CASE(TYPE) \
-    case TYPE: \
-        if (TYPES >> TYPE & 1) \
-            trace_shape<TYPE, LENS>(record, near, rays); \
+#define WARPCAM_CASE(TYPE)                                                                                             \
+    case TYPE:                                                                                                         \
+        if (TYPES >> TYPE & 1)                                                                                         \
+            trace_shape<TYPE, LENS>(record, near, rays);                                                               \
         break;
         WARPCAM_CASE(PLANE)
         WARPCAM_CASE(SPHERE)

@@ -34,13 +34,16 @@ template <int CAPACITY, bool HITS_NAME_SLOTS> struct PackedShapeList {
     using List = ViewShapeList<CAPACITY, HITS_NAME_SLOTS>;
     static constexpr int RECORD_ROWS = sizeof(ShapeRecord) / sizeof(Float3Int);
     static constexpr int HEAD_ROWS = sizeof(List) / sizeof(Float3Int) - RECORD_ROWS * CAPACITY;
-    static_assert(CAPACITY <= WARP_SIZE && HEAD_ROWS == (HITS_NAME_SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // view_shape_lists.py has the same
+    static_assert(CAPACITY <= WARP_SIZE
+                  && HEAD_ROWS
+                         == (HITS_NAME_SLOTS ? (22 + CAPACITY) / 2 * 2 : 18));  // view_shape_lists.py has the same
 
     Float3Int* rows;
 
     template <class Lists> WARPCAM_DEVICE static PackedShapeList of(const Lists& lists, int world)
     {
-        return { reinterpret_cast<Float3Int*>(lists.data) + size_t(unsigned(world)) * (sizeof(List) / sizeof(Float3Int)) };
+        return { reinterpret_cast<Float3Int*>(lists.data)
+                 + size_t(unsigned(world)) * (sizeof(List) / sizeof(Float3Int)) };
     }
     WARPCAM_DEVICE List& head() const { return *reinterpret_cast<List*>(rows); }
     WARPCAM_DEVICE Float3Int* records(int row) const { return rows + HEAD_ROWS + row * CAPACITY; }
@@ -84,10 +87,11 @@ WARPCAM_DEVICE ListedCamera* cameras_then()
 // WANTED; what the shapes' threads load, of the warp that has to do with views first.
 template <int CAPACITY, int WANTED, class Shapes, class Lists>
 WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int first_world, int worlds, int slot,
-                              int shape, int thread)
+                                  int shape, int thread)
 {
     if ((WANTED & FLOWS) && thread < worlds) {
-        const auto& camera = PackedShapeList<CAPACITY, names_slots(WANTED)>::of(lists, first_world + thread).head().camera;
+        const auto& camera =
+            PackedShapeList<CAPACITY, names_slots(WANTED)>::of(lists, first_world + thread).head().camera;
         for (int row = 0; row < int(sizeof(ListedCamera) / sizeof(Float3Int)); ++row)
             copy_row(reinterpret_cast<Float3Int*>(cameras_then() + thread) + row,
                      reinterpret_cast<const Float3Int*>(&camera) + row);
@@ -104,11 +108,12 @@ WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int 
 template <int TYPES, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
           class HeightFields, class Trail, class Lists, class Faults>
 WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
-                            const Meshes& meshes, const HeightFields& fields, const Trail& trail, const Lists& lists,
-                            const Faults& faults, int columns, int width, int height, bool brief, int first_world,
-                            int worlds, int slot, int shape, int thread)
+                                const Meshes& meshes, const HeightFields& fields, const Trail& trail,
+                                const Lists& lists, const Faults& faults, int columns, int width, int height,
+                                bool brief, int first_world, int worlds, int slot, int shape, int thread)
 {
-    constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0, HITS_NAME_SLOTS = names_slots(WANTED);
+    constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0,
+                   HITS_NAME_SLOTS = names_slots(WANTED);
     using Far = PackedShapeList<CAPACITY, HITS_NAME_SLOTS>;
     static_assert(!(TYPES >> MESH & 1) && !(TYPES >> HEIGHT_FIELD & 1));
     WARPCAM_SHARED Camera cameras[WARP_SIZE];
@@ -213,8 +218,8 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
         compose_motion<false, DEPTHS>(trail, pose_before(before, columns), pose, kind, state, camera,
-                                      cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> PER_SHAPE_SCALE & 1) != 0, brief,
-                                      reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
+                                      cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> PER_SHAPE_SCALE & 1) != 0,
+                                      brief, reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
 }
 
 #endif

@@ -14,10 +14,11 @@ namespace warpcam {
 // Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
 // own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the
 // shape is left out.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields, class Hidden>
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
+          class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
-                           const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
-                           int world)
+                               const HeightFields& fields, const Hidden& hidden, const Camera& camera,
+                               const Region& region, int world)
 {
     ShapeRecord record;
     TileRect tiles;
@@ -44,11 +45,12 @@ constexpr int FEW_SHAPES = 64;  // that are looked at one by one
 #endif
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. ALONE: by one warp.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes, class HeightFields,
-          class Hidden>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes, const Meshes& meshes,
-                      const HeightFields& fields, const Hidden& hidden, const Camera& camera, const Region& region,
-                      int world, int thread)
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes,
+          class HeightFields, class Hidden>
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes,
+                                                         const Meshes& meshes, const HeightFields& fields,
+                                                         const Hidden& hidden, const Camera& camera,
+                                                         const Region& region, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
 #if !defined(__CUDA_ARCH__)
@@ -56,8 +58,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
         for (; begin < total && list.count + SIMD_WIDTH <= CAPACITY; begin += SIMD_WIDTH)
             for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region); some;
                  some &= some - 1)
-                list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden, camera,
-                                               region, world);
+                list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden,
+                                                         camera, region, world);
         return min(begin, total);
     }
 #endif
@@ -87,8 +89,8 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
 
 // Draws the tiles of a region against the list, a warp TILES_PER_WARP of them at once, one below the other.
 template <int TYPES, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
-WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes,
-                           const HeightFields& fields, bool first_pass)
+WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes, const HeightFields& fields,
+                               bool first_pass)
 {
     constexpr int TILES_PER_WARP = Canvas_::TILES_PER_WARP;
     constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::VECTOR_OUTPUTS != 0;
@@ -100,8 +102,10 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
     float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
     const Region region = canvas.region;
     const float near = canvas.camera.near;
-    constexpr int TILE_COLUMNS_PER_WARP = Canvas_::TILE_COLUMNS_PER_WARP;  // stacks beside each other that are looked at together
-    const int across = region.width / (TILE_COLUMNS_PER_WARP * TILE_WIDTH), levels = (region.height / TILE_HEIGHT + TILES_PER_WARP - 1) / TILES_PER_WARP;
+    constexpr int TILE_COLUMNS_PER_WARP =
+        Canvas_::TILE_COLUMNS_PER_WARP;  // stacks beside each other that are looked at together
+    const int across = region.width / (TILE_COLUMNS_PER_WARP * TILE_WIDTH),
+              levels = (region.height / TILE_HEIGHT + TILES_PER_WARP - 1) / TILES_PER_WARP;
     // A part has so many levels of units, the last one perhaps fewer.
     const int of_part = across * ((levels + canvas.parts - 1) / canvas.parts), begin = canvas.part * of_part;
     const int units = canvas.parts == 1 ? of_part : min(begin + of_part, across * levels);
@@ -154,7 +158,9 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         const int column = TILE_COLUMNS_PER_WARP * (unit - level * across), row = TILES_PER_WARP * level;
         if constexpr (TILE_COLUMNS_PER_WARP > 1) {
             const unsigned bare = list.floor.bit;
-            if (bare != 0u && touching<TYPES>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP)) == bare
+            if (bare != 0u
+                && touching<TYPES>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP))
+                       == bare
                 && canvas.write_plane_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
                 return true;
         }
@@ -171,17 +177,19 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         trace_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
     } else {
         int none;
-        while (next_tile(none)) { }
+        while (next_tile(none)) {
+        }
     }
     trace_meshes();
 }
 
 // Draws a region of few shapes, whose motions the last warp composes meanwhile: the first warp lists and sorts shapes,
 // the others start to draw when it has, and wait for the motions before they write the first flow.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes, class HeightFields,
-          class Hidden>
-WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes, const Meshes& meshes,
-                           const HeightFields& fields, const Hidden& hidden, int world, int thread, bool blind)
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
+          class HeightFields, class Hidden>
+WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
+                               const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
+                               int thread, bool blind)
 {
     static_assert(CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1));
     if (thread >= THREADS - WARP_SIZE) {
@@ -194,8 +202,8 @@ WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas,
     } else {
         if (thread < WARP_SIZE) {
             if (!blind)
-                build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden, canvas.camera, canvas.region,
-                                                 world, thread);
+                build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden,
+                                                                     canvas.camera, canvas.region, world, thread);
             if (thread == 0 && list.broken) {  // nothing of this world can be trusted
                 list.count = 0;
                 canvas.target.faults.data[world] = 1;
@@ -251,16 +259,17 @@ template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list
 // Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
 // shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
 // late(): what may wait until shapes are listed, and needs no other threads.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
-          class HeightFields, class Hidden, class Late>
+template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes,
+          class Meshes, class HeightFields, class Hidden, class Late>
 WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
-                            const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, const Late& late,
-                            int world, int thread)
+                                const Meshes& meshes, const HeightFields& fields, const Hidden& hidden,
+                                const Late& late, int world, int thread)
 {
     const bool blind = !(abs(canvas.camera.origin.x) < MISS);
 #if defined(__CUDA_ARCH__)
     if constexpr (Canvas_::APART)
-        return draw_apart<TYPES, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread, blind);
+        return draw_apart<TYPES, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread,
+                                                        blind);
 #endif
     const int total = blind ? 0 : shapes.drawn.shape[0];
     int begin = 0;
@@ -275,8 +284,8 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
         }
         canvas.begin(thread);
         if (!blind)
-            begin = build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden, canvas.camera,
-                                                      canvas.region, world, thread);
+            begin = build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden,
+                                                                          canvas.camera, canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_sync();
             if (thread == 0) {
@@ -312,15 +321,15 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceSh
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // MULTIPASS: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
 // Near: Places, or what else the block keeps for its images.
-template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Near, class Shapes,
-          class Materials, class Meshes, class HeightFields, class Views, class Target>
+template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Near,
+          class Shapes, class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                          const HeightFields& fields, const Views& views, const Target& target, int index)
+                              const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Canvas_ =
-        TraceTarget<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Canvas_ = TraceTarget<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target,
+                                Shapes, Near>;
     using Room = TraceShared<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = keep_shared_address(shared);
@@ -352,7 +361,8 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     if constexpr (FLOWING)
         places.fetch(shapes, target.trail, thread);
     if constexpr (Canvas_::LINED)
-        for (int n = thread; thread < THREADS - WARP_SIZE && n < WIDTH + HEIGHT; n += THREADS - WARP_SIZE)  // see draw_apart()
+        for (int n = thread; thread < THREADS - WARP_SIZE && n < WIDTH + HEIGHT;
+             n += THREADS - WARP_SIZE)  // see draw_apart()
             room.lines[n] =
                 n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
     const Canvas_ canvas { target, shapes, list,         camera,     region,
@@ -365,7 +375,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     };
     const auto draw = [&](const auto& late) {
         draw_region<TYPES, LENS, names_slots(OUTPUTS), MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, late,
-                                                                world, thread);
+                                                                  world, thread);
     };
     if constexpr (Near::PAINTS) {
         const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
@@ -379,13 +389,13 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
 
 template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_DEVICE void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes, const HeightFields& fields,
-                     const Views& views, const Target& target, int index)
+WARPCAM_DEVICE void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                         const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
     draw_with<TYPES, LENS, CAPACITY, MULTIPASS, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views,
-                                                                            target, index);
+                                                                              target, index);
 }
 
 }  // namespace warpcam

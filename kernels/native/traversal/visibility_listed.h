@@ -17,8 +17,8 @@ template <class List, int LINES, class Places_> struct ListedRoom {
 // Draws as draw() does, a whole image by one or several blocks.
 template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes, const HeightFields& fields,
-                            const Views&, const Target& target, int index)
+WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes,
+                                const HeightFields& fields, const Views&, const Target& target, int index)
 {
     static_assert(!MULTIPASS && (OUTPUTS & FLOW_WHOLE));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;

@@ -127,7 +127,9 @@ class MaterialReader:
     def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
         """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
         base = self._graph.materials[look]
-        images = {name: getattr(base, name) for name in ("texture", "normals", "packed", "emission_texture", "opacity_map")}
+        images = {
+            name: getattr(base, name) for name in ("texture", "normals", "packed", "emission_texture", "opacity_map")
+        }
         if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
             return look, uvs
         flat = uvs.reshape(-1, 2)
