@@ -340,5 +340,5 @@ def test_memory_of_floors(size: tuple[int, int], device: wp.Device) -> None:
     )  # of floors
     pixels = -(-size[0] // 8) * 8 * size[1]
     assert moving.renderer.memory.past == 1 + 76 + 128 * 3 + 4 * pixels + parts
-    trail = moving.renderer._targets["eye"].history.flow_history
+    trail = moving.renderer._passes["eye"].history.flow_history
     assert trail.floor_first.size + trail.floor_second.size == parts

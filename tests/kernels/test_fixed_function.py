@@ -80,10 +80,10 @@ def light_patch(shadows):
             facet.place[k] = as_vec3(position) - as_vec3(eye);
             facet.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
         }}
-        const LitColor one = illuminate<1, {flag}>(list, facet, finish, shadow);
+        const LitColor one = light_vertices<1, {flag}>(list, facet, finish, shadow);
         facet.weight1 = 0.25f;
         facet.weight2 = 0.5f;
-        const LitColor three = illuminate<3, {flag}>(list, facet, finish, shadow);
+        const LitColor three = light_vertices<3, {flag}>(list, facet, finish, shadow);
         if (thread == 0) {{
             wp::index(lit, 0) = wp::vec3(one.linear.x, one.linear.y, one.linear.z);
             wp::index(lit, 1) = wp::vec3(one.display.x, one.display.y, one.display.z);

@@ -19,7 +19,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
     float least = MISS;
     for (int k = 0; k < SHUTTERS; ++k) {
         const OccluderBox shutter = OccluderBox::load_from(meshes.shutters.data, mesh, k);
-        least = min(least, shutter.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
+        least = warpcam::min(least, shutter.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
     }
     wp::index(aside, i) = least;
 """)

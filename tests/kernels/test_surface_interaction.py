@@ -192,7 +192,7 @@ class Examined:
         arguments = [shapes, meshes, fields, materials, textures, 0, *inputs, found]
         wp.launch(examine, count, arguments, device=device)
         values = found.numpy()
-        self.normals, self.weights, self.for_shading_only = values["normal"], values["weights"], values["shading"]
+        self.normals, self.weights, self.shading = values["normal"], values["weights"], values["shading"]
         self.uv, self.along, self.direction = values["uv"], values["along"], values["direction"]
 
 

@@ -176,11 +176,11 @@ def control_suite() -> Names:
 
 def isaac_gym() -> Names:
     pytest.importorskip("newton")
-    import isaacgym_worlds
+    import gym_worlds
 
-    world = isaacgym_worlds.walls(wp.get_device("cpu"), 1)
+    world = gym_worlds.walls(wp.get_device("cpu"), 1)
     world.render()
-    return {"gym": isaacgym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
+    return {"gym": gym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
 
 
 PAGES: dict[str, Callable[[], Names]] = {

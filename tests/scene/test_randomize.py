@@ -1,5 +1,6 @@
 """Domain randomisation: ranges are kept, seeds repeat, worlds that are not meant stay, attributes are independent."""
 
+import sys
 from typing import Any
 
 import mujoco
@@ -12,8 +13,9 @@ import warp as wp
 from pxr import Usd, UsdLux
 
 import warpcam as wc
-from warpcam import randomize
 from warpcam.core.errors import WarpcamError
+
+MODULE = sys.modules["warpcam.randomize"]  # that name in the package is the function
 
 WORLDS = 500
 ASSETS = """
@@ -228,16 +230,16 @@ def test_seeds_and_recipes_that_come_anew_are_not_kept(scene: wc.Scene) -> None:
     """A new tensor for each episode, bounds that grow from one to the next."""
     device = scene.vary("material_color").device
     one = drawn(scene, "material_color", (0.0, 1.0), torch.tensor([1], dtype=torch.int32, device=device))
-    state, known = randomize._randomizers[scene], []
-    for episode in range(randomize.MAX_STAGES + 20):
+    state, known = MODULE._randomizers[scene], []
+    for episode in range(MODULE.MAX_STAGES + 20):
         seed = torch.tensor([episode], dtype=torch.int32, device=device)
         wc.randomize(scene, seed=seed, material_color=(0.0, 1.0))
         known.append(len(state.stages))
     assert len(set(known)) == 1
-    for episode in range(randomize.MAX_STAGES + 20):
+    for episode in range(MODULE.MAX_STAGES + 20):
         wc.randomize(scene, seed=episode, material_emission=(0.0, 0.5 + 1e-3 * episode))
         known.append(len(state.stages))
-    assert max(known) == randomize.MAX_STAGES
+    assert max(known) == MODULE.MAX_STAGES
     assert scene.vary("material_emission").max() > 0.5
     assert (drawn(scene, "material_color", (0.0, 1.0), 1) == one).all()
 
@@ -245,10 +247,10 @@ def test_seeds_and_recipes_that_come_anew_are_not_kept(scene: wc.Scene) -> None:
 def test_a_recipe_that_is_part_of_a_graph_is_kept(scene: wc.Scene) -> None:
     for name in ("light_exponent", "light_cutoff"):
         wc.randomize(scene, seed=1, **{name: (0.0, 1.0)})
-    state = randomize._randomizers[scene]
+    state = MODULE._randomizers[scene]
     captured, other = state.stages
     state.keep(captured, state.stages[captured], True)
-    for episode in range(randomize.MAX_STAGES + 1):
+    for episode in range(MODULE.MAX_STAGES + 1):
         wc.randomize(scene, seed=episode, material_emission=(0.0, 0.25 + 1e-3 * episode))
     assert captured in state.stages and other not in state.stages
 

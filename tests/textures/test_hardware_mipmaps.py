@@ -21,7 +21,8 @@ from warpcam.textures.pack import TextureImage, pack_textures
         shown = look_up(wp::index(textures.mips, 0), place[0], place[1], log2(step));
 #endif
     const Vec3 off = shown - exact;
-    wp::index(differences, i) = max(max(abs(off.x), abs(off.y)), abs(off.z));
+    const float most = warpcam::max(warpcam::abs(off.x), warpcam::abs(off.y));
+    wp::index(differences, i) = warpcam::max(most, warpcam::abs(off.z));
 """)
 def difference_at(
     textures: Textures, place: wp.vec2, step: wp.float32, i: wp.int32, differences: wp.array(dtype=wp.float32)

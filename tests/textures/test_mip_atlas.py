@@ -42,7 +42,8 @@ def places_of_levels(cube: wp.bool, width: wp.int32, height: wp.int32, rows: wp.
                  : sample_2d_sheet(sheet, image, to.x, to.y, to_right, to_below);
 #endif
     const Vec3 off = shown - exact;
-    wp::index(differences, i) = max(max(abs(off.x), abs(off.y)), abs(off.z));
+    const float most = warpcam::max(warpcam::abs(off.x), warpcam::abs(off.y));
+    wp::index(differences, i) = warpcam::max(most, warpcam::abs(off.z));
 """)
 def difference_at(
     cube: wp.bool,

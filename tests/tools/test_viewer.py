@@ -78,7 +78,7 @@ def test_a_page_sees_what_a_camera_there_sees(viewer: Viewer, simulated: Any, wo
     )
     image = wc.Renderer(viewer._scene, [own]).render()["own"][output][world : world + 1].cpu().numpy()
     shown = viewer.picture(ViewSelection(output, "free", world), eye(48 / 32))
-    expected = viewers.pictures.picture(output, image)[0]
+    expected = viewers.visualize.picture(output, image)[0]
     assert shown.shape == (32, 48, 3)
     assert (shown != expected).any(-1).mean() < 0.01
     assert len(np.unique(expected.reshape(-1, 3), axis=0)) > 2
@@ -100,7 +100,7 @@ def test_a_wide_window_shows_more_at_the_sides(viewer: Viewer) -> None:
 @pytest.mark.parametrize(("camera", "index"), [("above", 0), ("1", 1)])
 def test_a_camera_of_the_scene_is_shown_within_borders(viewer: Viewer, camera: str, index: int) -> None:
     image = wc.Renderer(viewer._scene, [wc.Camera(index, width=48, height=32, outputs=("depth",))]).render()
-    expected = viewers.pictures.picture("depth", image[index]["depth"][:1].cpu().numpy())[0]
+    expected = viewers.visualize.picture("depth", image[index]["depth"][:1].cpu().numpy())[0]
     for aspect, shape, cut in ((3.0, (32, 96), np.s_[:, 24:72]), (0.75, (64, 48), np.s_[16:48])):
         shown = viewer.picture(ViewSelection("depth", camera, 0), eye(aspect))
         assert shown.shape == (*shape, 3)

@@ -11,7 +11,7 @@ from PIL import Image
 import warpcam as wc
 
 pytest.importorskip("newton")
-from isaacgym_worlds import GYM, HEIGHT, KINDS, WIDTH, World, at, new_sim, props, tensors_of, walls
+from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, World, at, new_sim, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi
 
@@ -87,18 +87,18 @@ def test_textures_of_files_and_buffers_times_colours(device: wp.Device, tmp_path
     assert GYM.get_rigid_body_texture(world.envs[0], 0, 0, VISUAL) == halves
     assert [tensors[COLOR].data_ptr() for tensors in world.tensors] == before
     # Once a shape has had a texture, another one is only a number: nothing is built again.
-    scene = world.sim.camera_batches._shots[0].view.scene
+    scene = world.sim.camera_batches._renderers[0].view.scene
     GYM.set_rigid_body_texture(world.envs[1], 0, 0, VISUAL, halves)
     GYM.set_rigid_body_texture(world.envs[0], 0, 0, VISUAL, plain)
     world.render()
-    assert world.sim.camera_batches._shots[0].view.scene is scene
+    assert world.sim.camera_batches._renderers[0].view.scene is scene
     assert (np.argmax(world.image(0, COLOR)[..., :3], axis=-1) == 1).all()
     np.testing.assert_allclose(world.image(1, COLOR)[..., :3], np.round(image / 2.0), atol=40)
     assert set(np.unique(np.argmax(world.image(1, COLOR)[..., :3], axis=-1))) == {0, 2}
     GYM.set_rigid_body_texture(world.envs[0], 0, 0, VISUAL, halves)
     GYM.reset_actor_materials(world.envs[1], 0, VISUAL)
     world.render()
-    assert world.sim.camera_batches._shots[0].view.scene is scene
+    assert world.sim.camera_batches._renderers[0].view.scene is scene
     np.testing.assert_array_equal(world.image(0, COLOR)[..., :3], image)
     assert (np.ptp(world.image(1, COLOR)[..., :3].reshape(-1, 3), axis=0) == 0).all()
     with pytest.raises(wc.WarpcamError, match="texture 0 is on actor 'wall' of environment 0"):

@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 newton = pytest.importorskip("newton")
-from isaacgym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
+from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 

@@ -13,7 +13,7 @@ import warpcam as wc
 
 pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 
-from isaacgym_worlds import GYM, World, at, new_sim, props, walls
+from gym_worlds import GYM, World, at, new_sim, props, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
 

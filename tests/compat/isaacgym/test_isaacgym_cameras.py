@@ -12,7 +12,7 @@ from PIL import Image
 import warpcam as wc
 
 pytest.importorskip("newton")
-from isaacgym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, props, tensors_of, walls
+from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
 

@@ -8,7 +8,7 @@ import torch
 import warp as wp
 
 newton = pytest.importorskip("newton")
-from isaacgym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
+from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 

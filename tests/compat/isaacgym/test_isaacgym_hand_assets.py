@@ -9,7 +9,7 @@ import warp as wp
 import warpcam as wc
 
 pytest.importorskip("newton")
-from isaacgym_worlds import GYM, at, new_sim
+from gym_worlds import GYM, at, new_sim
 
 from warpcam.compat.isaacgym import gymapi
 

@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 pytest.importorskip("newton")
-from isaacgym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
+from gym_worlds import GYM, HEIGHT, KINDS, WIDTH, at, new_sim, ordinal, props, tensors_of, walls
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
 
@@ -172,14 +172,14 @@ def test_memory_is_flat_over_cameras_that_come_and_go(device: wp.Device) -> None
     world = walls(device, 2)
     world.render()
     studio = world.sim.camera_batches
-    kept = (len(studio._shots), len(studio._albums), len(studio._views), len(studio._batches))
+    kept = (len(studio._renderers), len(studio._buffers), len(studio._views), len(studio._batches))
     for _ in range(3):
         extra = GYM.create_camera_sensor(world.envs[1], props(width=16, height=16))
         tensors_of(world.sim, world.envs[1], extra, (DEPTH,))
         world.render()
         GYM.get_camera_image(world.sim, world.envs[1], extra, SEGMENTATION)
         GYM.destroy_camera_sensor(world.sim, world.envs[1], extra)
-    assert (len(studio._shots), len(studio._albums), len(studio._views), len(studio._batches)) == kept
+    assert (len(studio._renderers), len(studio._buffers), len(studio._views), len(studio._batches)) == kept
     assert not studio._later
     world.render()
 

@@ -12,7 +12,7 @@ import warpcam as wc
 
 pytest.importorskip("newton")
 import newton
-from isaacgym_worlds import GYM, at, new_sim, props
+from gym_worlds import GYM, at, new_sim, props
 
 from warpcam.compat.isaacgym import gymapi, gymtorch
 

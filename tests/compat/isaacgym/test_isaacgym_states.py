@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 newton = pytest.importorskip("newton")
-from isaacgym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls  # noqa: E402, newton may be missing
+from gym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 

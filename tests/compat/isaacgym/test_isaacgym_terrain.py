@@ -13,7 +13,7 @@ import warp as wp
 import warpcam as wc
 
 newton = pytest.importorskip("newton")
-from isaacgym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
+from gym_worlds import GYM, at, new_sim, props, tensors_of  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 from warpcam.compat.isaacgym.terrain.heightfield_from_mesh import _cover, heights_of, is_convex, seen_from_above  # noqa: E402

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 import warpcam as wc
 
 pytest.importorskip("newton")
-from isaacgym_worlds import GYM, at, new_sim
+from gym_worlds import GYM, at, new_sim
 
 from warpcam.compat import isaacgym as package
 from warpcam.compat.isaacgym import gymapi, gymutil, terrain_utils, torch_utils

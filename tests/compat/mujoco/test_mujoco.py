@@ -154,8 +154,8 @@ def test_a_floor_is_seen_through_from_below(device: wp.Device, monkeypatch: pyte
         monkeypatch.undo()
         renderer.update_scene(data, "fixed")
         renderer.render()
-        layers = [made.scene.tables().layers for made in renderer._studio._scenes.values()]
-        assert [each is not None and each.veiled for each in layers] == [True, False]
+        layers = [made.scene.tables().layers for made in renderer._frame_renderer._scenes.values()]
+        assert [each is not None and each.has_transparent for each in layers] == [True, False]
 
 
 def test_kinds_of_objects(device: wp.Device) -> None:
@@ -393,4 +393,4 @@ def test_ways_to_look_are_let_go(device: wp.Device) -> None:
             model.site_size[0, 0] = 0.01 + group / 100
             renderer.update_scene(data)
             renderer.render()
-        assert len(renderer._studio._scenes) == len(renderer._studio._eyes) == frame_renderer.MAX_CACHED
+        assert len(renderer._frame_renderer._scenes) == len(renderer._frame_renderer._eyes) == frame_renderer.MAX_CACHED

@@ -7,6 +7,7 @@ import warp as wp
 import warpcam as wc
 from warpcam.compat import mujoco as front
 from warpcam.compat.mujoco import Renderer, frame_renderer
+from warpcam.compat.mujoco import renderer as front_renderer
 
 WIDTH, HEIGHT = 64, 48
 XML = """
@@ -33,7 +34,9 @@ def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pyte
     own, chosen = mujoco.Renderer, []
     model, data = made()
     monkeypatch.setattr(
-        front, "Studio", lambda model, device: chosen.append(device) or frame_renderer.FrameRenderer(model, device)
+        front_renderer,
+        "FrameRenderer",
+        lambda model, device: chosen.append(device) or frame_renderer.FrameRenderer(model, device),
     )
     front.install(device)
     try:
