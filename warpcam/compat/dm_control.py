@@ -57,7 +57,7 @@ def uninstall() -> None:
 
 
 class _Contexts:
-    """In place of dm_control's two contexts, of OpenGL and of MuJoCo: what draws one ``Physics``."""
+    """Renderer of one ``Physics``, in place of dm_control's contexts of OpenGL and of MuJoCo."""
 
     ptr = None
 

@@ -47,7 +47,7 @@ def uninstall() -> None:
 
 
 class OffScreenViewer:
-    """In place of Gymnasium's ``OffScreenViewer``, with the same calls and pictures.
+    """Viewer with the calls and pictures of Gymnasium's ``OffScreenViewer``.
 
     Args:
         model: The ``mujoco.MjModel``.

@@ -34,7 +34,7 @@ struct LightList {
     float near;  // of their MapSize
 };
 
-// Whether the shadow of a light takes its ambient part from what is turned away from it.
+// True if the shadow of a light also takes its ambient part from surfaces that face away from it.
 WARPCAM_DEVICE bool dims(const Light& light) { return (light.ambient.w & (CASTS | AMBIENT)) == (CASTS | AMBIENT); }
 
 WARPCAM_DEVICE bool has_hue(const Float3Int& color) { return color.x != color.y || color.x != color.z; }
@@ -49,7 +49,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Light load_light(const Lights& lights, const
     const float cutoff = per_world(lights.cutoff, world, index);
     const Vec3 falloff = as_vec3(per_world(lights.attenuation, world, index));
     const bool fades = spot && (falloff.y != 0.0f || falloff.z != 0.0f);
-    // What OpenGL takes; anything else leaves a spot without a cone, or without a falloff to its sides.
+    // Values that OpenGL accepts; any other value leaves a spot without a cone, or without a falloff to its sides.
     const bool wide = !(cutoff >= 0.0f && cutoff <= 90.0f);
     const float exponent = per_world(lights.exponent, world, index);
     const bool even = wide || !(exponent >= 0.0f && exponent <= 128.0f);
@@ -133,7 +133,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, con
     team_barrier();
 }
 
-// What a facet's corner is to all lights: the unit direction to the centre of projection and its length [m], and the
+// Vertex of a facet as all lights need it: the unit direction to the centre of projection and its length [m], and the
 // product of that direction with the normal.
 template <class Vector> struct LightingVertexOf {
     Vector to_eye, normal;
@@ -151,7 +151,7 @@ template <class Vector> WARPCAM_DEVICE LightingVertexOf<Vector> vertex_at(Vector
     return vertex;
 }
 
-// The same as a ray sees it that does not begin there, but at `eye`.
+// Vertex as seen by a ray that starts at `eye` instead of the centre of projection.
 struct SpreadVertex : LightingVertex {
     Vec3 place;
 };
@@ -176,12 +176,12 @@ template <class Vertex_> WARPCAM_DEVICE float faded(const Light& light, const Ve
     return rcp(max(light.falloff.x + distance * (light.falloff.y + distance * light.falloff.z), 1.0e-12f));
 }
 
-// How much a light adds to a corner: of its ambient, diffuse and specular colours.
+// Weights of a light's ambient, diffuse and specular colours at a vertex.
 template <class Number> struct LightWeights {
     Number ambient, diffuse, specular;
 };
 
-// Where a light is from a corner, and how it falls on it.
+// Direction of a light from a vertex, its strength there, and its cosine.
 struct LightDirection {
     Vec3 to_light;  // unit but for directional lights, whose length is theirs
     float strength, facing;
@@ -271,7 +271,7 @@ WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, const Reflectance& re
            + reflectance.gloss * in_channels<Vector>(glow.gloss);
 }
 
-// What a surface sends wherever lights are.
+// Light that a surface emits or reflects wherever lights are.
 WARPCAM_DEVICE Vec3 always_on(const LightList& list, const ResolvedMaterial& finish)
 {
     return mul(as_vec3(finish.color), Vec3 { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,

@@ -121,7 +121,7 @@ inline void illuminate_eight(const LightList& list, const Facets& facet, int cor
         illuminate_eight_as<SHADOWS, LINEAR, Float8>(list, facet, corners, finish, shadow, lit, eye...);
 }
 
-// What eight corners of a plane show; `stride` numbers apart.
+// Lights eight vertices of a plane; results are `stride` numbers apart.
 template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 normal,
                                                                    const ResolvedMaterial& finish, int stride,
                                                                    int count, float* values)
@@ -156,7 +156,7 @@ template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightLi
     keep(clip(reflected<Vec3x8>(steady, always_on(list, finish), finish)), 0);
 }
 
-// As light_corners().
+// Lights a packet of pixels from cached vertices, as light_from_corners() does for one.
 template <class Grid, class Appearances>
 WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& list, const Appearances& look)
 {
@@ -187,7 +187,7 @@ WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& 
     }
 }
 
-// As GridInterpolation.
+// GridInterpolation for a packet.
 struct OnCornersOfEight {
     Int8 first, second, third, inside;
     Float8 weight1, weight2, weight3;

@@ -1,4 +1,4 @@
-// How a metallic-roughness surface reflects light.
+// Reflection of light by a metallic-roughness surface.
 //
 // The model is appendix B of the glTF 2.0 specification: microfacets of the GGX distribution (Walter et al. 2007), with
 // Smith's height-correlated masking (Heitz 2014) and Schlick's Fresnel term (1994), over a matt base that gets what

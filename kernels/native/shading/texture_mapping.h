@@ -1,4 +1,4 @@
-// Where a point of a surface lies on its texture, as MuJoCo maps it; where PROJECTED as Newton's camera does.
+// Texture coordinates of a surface point, as MuJoCo maps textures; if PROJECTED, as the camera of Newton does.
 //
 // A mapping gives the place and its gradient over the shape's frame; the gradient turns the step to the next pixel into
 // a step on the texture. Measured against `mujoco.Renderer` 3.17 with a texture that shows its own coordinates. Up to

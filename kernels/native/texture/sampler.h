@@ -9,13 +9,13 @@ namespace warpcam {
 
 enum TextureKind { TEXTURE_2D, TEXTURE_CUBE };  // values of types.py
 
-// Does `texture` name a texture? Indices can be written by the user at any time.
+// True if `texture` names a texture. Users can write indices at any time.
 template <class Textures> WARPCAM_DEVICE bool is_texture(const Textures& textures, int texture)
 {
     return texture >= 0 && texture < textures.kind.shape[0];
 }
 
-// Where a texture lies among the texels.
+// Texels of one texture: their place in the array, and its size.
 struct Image {
     int start, width, height;
     int levels;  // 0: no texture
@@ -107,7 +107,7 @@ WARPCAM_DEVICE Between between_texels(float unit, int size)
     return { as_int(base) - as_int(BASE), place - (base - BASE) };
 }
 
-// What comes before the first texel is the last.
+// Wraps an index: before the first texel comes the last.
 WARPCAM_DEVICE int first_or_last(int first, int size)
 {
 #if defined(__CUDA_ARCH__)
@@ -159,7 +159,7 @@ WARPCAM_DEVICE Vec3 look_up(unsigned long long sheet, float x, float y)
     return { red, green, blue };
 }
 
-// The same of a mipmapped texture, at (u, v), in images, which repeat.
+// Samples a mipmapped texture at (u, v), in images, which repeat.
 WARPCAM_DEVICE Vec3 look_up(unsigned long long mips, float u, float v, float level)
 {
     float red, green, blue, alpha;
@@ -198,8 +198,8 @@ template <class Textures> WARPCAM_DEVICE unsigned long long sheet_of(const Textu
     return 0;
 }
 
-// Where a level lies on its image's sheet: width, height, and where it begins, left and top, all floats. Level 0 stands
-// on the left, the others below each other beside it; each has a border of a texel, which repeats the other side's.
+// Place of a mip level in its image's atlas: width, height, left and top, all floats. Level 0 is on the left, the
+// others below each other beside it; each has a border of a texel, which repeats the opposite side.
 WARPCAM_DEVICE Float3Int level_on_sheet(const Image& image, int number)
 {
     int width = image.width >> number, height = image.height >> number, left = image.width + 3, top;
@@ -216,7 +216,7 @@ WARPCAM_DEVICE Float3Int level_on_sheet(const Image& image, int number)
     return { float(max(width, 1)), float(max(height, 1)), float(left), as_int(float(top)) };
 }
 
-// The same of a cube: side, how far its faces are apart, and where it begins, left and top. A level's faces stand in a
+// Place of a cube's mip level in its atlas: side, distance between faces, left and top. The faces of a level are in a
 // row, with borders of the faces that they meet, the levels below each other.
 WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
 {
@@ -247,7 +247,7 @@ WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near
 #endif
 
 #if defined(__CUDA_ARCH__)
-// As sample_2d(), from a sheet.
+// Samples a 2-D texture from its mip atlas, as sample_2d() does from texels.
 WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right,
                                     Float2 down)
 {
@@ -272,7 +272,7 @@ WARPCAM_DEVICE Vec3 sample_level(const unsigned* texels, const Image& image, flo
     return sample_levels(texels, level, level.start + level.width * level.height, u, v, detail - float(steps));
 }
 
-// The same for steps in images.
+// Samples with steps given in images.
 WARPCAM_DEVICE Vec3 sample_2d(const unsigned* texels, const Image& image, float u, float v, Float2 right, Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
@@ -347,7 +347,7 @@ WARPCAM_DEVICE void add_bilinear_cube(const unsigned* texels, const Level& level
     add_quad(texels, quad, x, y, total, blend);
 }
 
-// Where a direction meets a cube: the face, the place on it in [0, 1], and the mipmap level.
+// Intersection of a direction with a cube: the face, the position on it in [0, 1], and the mip level.
 struct OnCube {
     int face;
     float s, t, detail;
@@ -384,7 +384,7 @@ static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& im
 }
 
 #if defined(__CUDA_ARCH__)
-// The same, from a sheet.
+// Samples a cube texture from its mip atlas.
 WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right,
                                       Vec3 down)
 {

@@ -13,7 +13,7 @@ _served: set[str] = set()  # names of the front ends that need it
 
 
 class Context:
-    """In place of MuJoCo's context and OpenGL's, for those who upload to the one and make the other current."""
+    """Context in place of MuJoCo's and OpenGL's, for programs that upload to one and make the other current."""
 
     def __init__(self, reload: Callable[[], None]):
         self.reload = reload

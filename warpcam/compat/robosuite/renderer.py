@@ -68,7 +68,7 @@ def uninstall() -> None:
 
 
 class OffscreenContext:
-    """In place of robosuite's ``MjRenderContextOffscreen``, with the same calls and images.
+    """Context with the calls and images of robosuite's ``MjRenderContextOffscreen``.
 
     What is rendered is the state as it is: after a step the poses are those before it, as in robosuite.
 

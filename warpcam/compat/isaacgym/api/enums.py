@@ -123,7 +123,7 @@ class MeshNormalMode(IntEnum):
 
 
 class ContactCollection(IntEnum):
-    """In which substeps contacts are collected. Held."""
+    """Substeps in which contacts are collected. Held."""
 
     CC_NEVER = 0
     CC_LAST_SUBSTEP = 1
@@ -131,7 +131,7 @@ class ContactCollection(IntEnum):
 
 
 class CoordinateSpace(IntEnum):
-    """In which frame a vector is given."""
+    """Frame in which a vector is given."""
 
     ENV_SPACE = 0
     LOCAL_SPACE = 1

@@ -61,7 +61,7 @@ def arc_between(
 
 @wp.func
 def arc_pieces(arc: Arc, slices: wp.int32, most: wp.int32) -> wp.int32:
-    """In how many straight pieces it is drawn, where half a turn has ``slices``."""
+    """Return the number of straight pieces of the arc, where half a turn has ``slices``."""
     return wp.clamp(wp.int32(wp.round(wp.float32(slices) * arc.angle / wp.pi)), 1, wp.min(slices, most))
 
 
