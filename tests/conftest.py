@@ -1,4 +1,4 @@
-"""What every test may use: the devices there are, and the helpers in tests/helpers."""
+"""Fixtures of every test: the devices there are, and the helpers in tests/helpers."""
 
 import ctypes.util
 import gc

@@ -1,4 +1,4 @@
-"""What the trace knows of a height field's cells and blocks."""
+"""Bounds that the trace has of a height field's cells and blocks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What was built once is had again by its content, up to a bound."""
+"""Bounded cache: built structures are found again by their content."""
 
 import numpy as np
 

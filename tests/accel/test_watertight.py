@@ -109,7 +109,7 @@ def targets(vertices: np.ndarray, faces: np.ndarray, what: str, random: np.rando
 
 
 def leaks(scene: Scene, origins: np.ndarray, aims: np.ndarray) -> int:
-    """How many of the rays from ``origins`` (ray, 3), float32, at ``aims``, (ray, 3), hit nothing."""
+    """Count the rays from ``origins`` (ray, 3), float32, at ``aims``, (ray, 3), that hit nothing."""
     forward = aims - origins
     forward /= np.linalg.norm(forward, axis=1, keepdims=True)
     # The shortest turn of -z to that direction.

@@ -23,7 +23,7 @@ def square(turn: float = 20.0) -> mujoco.MjModel:
 
 
 def covered(turn: float, size: int, fine: int = 32) -> np.ndarray:
-    """How much of each pixel the square covers, (size, size): by brute force."""
+    """Compute the part of each pixel that the square covers, (size, size), by brute force."""
     rays = scenes.pixel_rays(size * fine, size * fine, 60.0)
     x, y = (rays[..., k] * (2.0 - 0.01) for k in (0, 1))
     angle = turn * scenes.DEGREE
@@ -60,14 +60,14 @@ def test_samples_lie_where_the_views_say(device: wp.Device) -> None:
 
 
 def mean_of_samples(scene: wc.Scene) -> np.ndarray:
-    """Of four images whose principal point is moved to where the samples are, (size, size, 3)."""
+    """Return the mean of four images whose principal point is moved to the samples, (size, size, 3)."""
     focal = 16.0 / np.tan(30.0 * scenes.DEGREE)
     lenses = [wc.Pinhole(fx=focal, cx=16.0 - right, cy=16.0 - down) for right, down in SAMPLES[4]]
     return np.mean([scenes.look(scene, camera(1, lens=lens))["rgb"][0] for lens in lenses], axis=0)
 
 
 def test_what_covers_most_of_a_pixel_has_edges(device: wp.Device) -> None:
-    """Of transparent shapes, and with others what lies behind them."""
+    """Edges are those of transparent shapes, and with other shapes those of what lies behind them."""
     under = '<geom type="box" size="0.3 0.3 0.01" pos="0.2 0.1 -0.02" euler="0 0 50" rgba="0 1 0 1"/>'
     for alpha in (0.1, 0.5, 0.9):
         mjm = scenes.compile_xml(SQUARE.format(turn=20).replace("1 1 1 1", f"1 1 1 {alpha}") + under, more=LIT)
@@ -81,7 +81,7 @@ def test_what_covers_most_of_a_pixel_has_edges(device: wp.Device) -> None:
 
 
 def test_a_sample_has_the_colour_of_its_face(device: wp.Device) -> None:
-    """Where two faces of a mesh meet, which are about as deep there, each is lit as it is turned."""
+    """Two faces of a mesh meet at about the same depth; each sample is lit as its own face is turned."""
     corners = [(x, y, z) for y, z in ((-0.6, -0.6), (0.0, 0.0), (0.6, -0.6)) for x in (-0.7, 0.7)]
     roof = " ".join(str(number) for corner in corners for number in corner)
     mjm = scenes.compile_xml(
@@ -96,7 +96,7 @@ def test_a_sample_has_the_colour_of_its_face(device: wp.Device) -> None:
 
 
 def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
-    """What is linear in the image of a plane."""
+    """Evaluate a function that is linear in the image of a plane."""
     with np.errstate(divide="ignore"):
         return 1.0 / depth if pinhole else depth
 
@@ -107,7 +107,7 @@ FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/antialia
 def edges_of(
     depth: np.ndarray, shape: np.ndarray, rgb: np.ndarray, sided: np.ndarray, width: float, pinhole: bool
 ) -> np.ndarray:
-    """Which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
+    """Return which samples of each pixel are to be traced, (size, size, 4): ``width`` is a pixel's.
 
     All of a bent surface. If another shape is beside the pixel, those in whose triangle of pixels it is. But only where
     the colours of the pixels that a sample lies among differ from its own. Beside another shape also those in whose
@@ -191,7 +191,7 @@ SOLIDS = "".join(
 
 
 def spheres(across: int) -> str:
-    """As many in a row, and as many rows, that touch each other; more than 127 have ids of two bytes."""
+    """Build rows of spheres that touch each other, as many rows as spheres; more than 127 have ids of two bytes."""
     size = 3.4 / across
     return "".join(
         f'<geom type="sphere" size="{0.6 * size}" '
@@ -259,7 +259,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
 @pytest.mark.parametrize(("levels", "smoothed"), [(FAINT - 2, False), (FAINT + 3, True)])
 @pytest.mark.parametrize("output", ["rgb", "rgba", "hdr"])
 def test_faint_edges_are_left(device: wp.Device, levels: int, smoothed: bool, output: str) -> None:
-    """Where colours differ by few levels nothing is traced: a mean is then off by no more than half of them."""
+    """Nothing is traced if colours differ by few levels: a mean is then off by no more than half of them."""
     grey, other = 0.4, 0.4 + levels / 255.0
     mjm = scenes.compile_xml(
         f'<geom type="box" size="9 9 0.01" pos="0 0 -0.02" rgba="{grey} {grey} {grey} 1"/>'
@@ -331,7 +331,7 @@ def test_worlds_keep_their_own_edges(device: wp.Device) -> None:
 
 @pytest.mark.parametrize("world", [SOLIDS, spheres(11)], ids=["solids", "121"])
 def test_images_are_the_same_in_parts_of_any_size(device: wp.Device, world: str) -> None:
-    """Of few worlds a GPU's blocks draw small regions, of many large ones, in which more shapes are seen than fit."""
+    """With few worlds GPU blocks draw small regions, with many large ones, which show more shapes than fit."""
     mjm = scenes.compile_xml(world)
     with wp.ScopedDevice(device):
         alone, *others = (

@@ -42,7 +42,7 @@ def bench(*arguments: Any) -> int:
 
 
 def places(shared: problem.Problem) -> np.ndarray:
-    """Where geoms and the points of flexes are, (world, place, 3) [m]."""
+    """Return the positions of geoms and of the points of flexes, (world, place, 3) [m]."""
     return np.concatenate((shared.d.geom_xpos.numpy(), shared.d.flexvert_xpos.numpy()), axis=1)
 
 

@@ -38,7 +38,7 @@ def make_scene(device: str, num_worlds: int = 2) -> tuple[wc.Scene, Any, Any]:
 
 
 def seen(scene: wc.Scene, name: str | int, **camera: Any) -> np.ndarray:
-    """Where each pixel meets the plane 2 m below the origin: x and y, (world, height, width, 2)."""
+    """Return the point at which each pixel meets the plane 2 m below the origin: x and y, (world, height, width, 2)."""
     points = render(scene, wc.Camera(name, width=WIDTH, height=HEIGHT, outputs=("points",), **camera))
     assert np.allclose(points[..., 2], -2.0, atol=1e-5)
     return points[..., :2]

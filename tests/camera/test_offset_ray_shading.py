@@ -119,7 +119,7 @@ def from_each_place(scene: wc.Scene, lens: wc.Rays, **settings: Any) -> dict[str
 
 
 def assert_as_from_each_place(scene: wc.Scene, **settings: Any) -> dict[str, np.ndarray]:
-    """Of a scene with a world for each pixel."""
+    """Compare with a scene that has a world for each pixel."""
     lens = small_lens(7)
     settings = {"width": SMALL[0], "height": SMALL[1]} | settings
     seen = rendered(scene, camera(lens, **settings))[0]
@@ -218,7 +218,7 @@ def test_gaussians(device: wp.Device) -> None:
 
 
 def test_cloth_that_is_seen_from_both_sides(device: wp.Device) -> None:
-    """Which side a ray sees tells which light falls on it."""
+    """The side that a ray sees decides which light falls on it."""
     newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
     import newton_scenes
 
@@ -259,7 +259,7 @@ def test_textures_are_filtered_as_wide_as_rays_begin_apart(turn: float, device: 
 
 
 def test_maps_of_opacity(tmp_path: Path, device: wp.Device) -> None:
-    """As the pinhole that stands where the rays begin: a square of four quarters hovers over a floor."""
+    """Images are those of a pinhole at the rays' origin: a square of four quarters hovers over a floor."""
     pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
     from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
     from usd_stages import add_material, add_square
@@ -294,7 +294,7 @@ def test_maps_of_opacity(tmp_path: Path, device: wp.Device) -> None:
 
 
 def test_shadows_on_sheets_that_are_seen_from_both_sides(device: wp.Device) -> None:
-    """Which side a ray sees tells whether the light falls on it: a roof over a floor, both of one mesh."""
+    """The side that a ray sees decides whether the light falls on it: a roof over a floor, both of one mesh."""
     pytest.importorskip("pxr.Usd", reason="pip install 'warpcam[usd]'")
     from pbr_scenes import add_sun
     from pxr import Usd, UsdGeom

@@ -31,7 +31,7 @@ LENSES = {
 
 
 def inside(mjm: mujoco.MjModel, mjd: mujoco.MjData, places: np.ndarray) -> np.ndarray:
-    """Which places lie in a geom, where MuJoCo's rays meet its other side and cameras see out."""
+    """Return which places lie in a geom, where MuJoCo's rays meet its other side and cameras see out."""
     found = np.zeros(len(places), bool)
     for geom in range(mjm.ngeom):
         if mjm.geom_type[geom] != mujoco.mjtGeom.mjGEOM_PLANE:
@@ -97,7 +97,7 @@ def test_worlds_have_tables_of_their_own(model: tuple[Any, Any], device: wp.Devi
 def test_edges_are_smoothed_by_the_pixels_of_their_own_world(
     model: tuple[Any, Any], spread: bool, device: wp.Device
 ) -> None:
-    """Of which the first world's are far narrower than the second's."""
+    """The pixels of the first world are far narrower than those of the second."""
     mjm, mjd = model
     scene, alone = wc.from_mujoco(mjm, [mjd] * 2, device=device), wc.from_mujoco(mjm, mjd, device=device)
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, WIDTH), np.linspace(0.7, -0.7, HEIGHT))

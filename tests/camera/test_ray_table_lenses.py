@@ -171,7 +171,7 @@ def test_worlds_have_lenses_of_their_own(model: tuple[Any, Any], device: wp.Devi
 
 
 def turned(rays: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """The same rays along the world's axes."""
+    """Rotate the rays to the world's axes."""
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, quaternion / np.linalg.norm(quaternion))
     return ray_tables.unit(rays) @ turn.reshape(3, 3).T
@@ -179,7 +179,7 @@ def turned(rays: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_turning_the_camera_is_turning_its_rays(model: tuple[Any, Any], antialiasing: int, device: wp.Device) -> None:
-    """What a pixel shows depends on its ray alone, not on where that is in the camera's frame."""
+    """A pixel depends on its ray alone, not on the ray's direction in the camera's frame."""
     outputs = ("depth", "distance", "segmentation", "rgb", "normals", "points", "albedo")
     settings = {"outputs": outputs, "shadows": True, "antialiasing": antialiasing}
     fish = wc.Fisheye(fovy=150.0).rays(WIDTH, HEIGHT, 1, "lens")[0]
@@ -199,7 +199,7 @@ def test_turning_the_camera_is_turning_its_rays(model: tuple[Any, Any], antialia
 
 
 def test_smooth_edges_of_a_fisheye(model: tuple[Any, Any], device: wp.Device) -> None:
-    """They are nearer to the mean of sixteen pixels for each."""
+    """Smooth edges are nearer to the mean of sixteen pixels for each."""
     scene = wc.from_mujoco(*model, device=device)
     settings = {"outputs": ("rgb",), "background": (0.0, 0.0, 0.0)}
     fine = {"width": 4 * WIDTH, "height": 4 * HEIGHT} | settings
@@ -258,7 +258,7 @@ def test_pixels_without_a_ray_see_nothing(model: tuple[Any, Any], device: wp.Dev
 
 
 def test_what_a_distortion_mirrors_is_not_seen() -> None:
-    """Where it has folded back through the middle, its area is the right way round again."""
+    """A distortion that has folded back through the middle has an area of positive sign again."""
     size, focal, k1, k2, k3 = 32, 13.0, -0.3, -0.19, 0.01
     rays = wc.Distorted(fx=focal, coefficients=(k1, k2, 0.0, 0.0, k3)).rays(size, size, 1, "here")[0]
     square = np.linspace(0.0, 4.0, 4001)

@@ -1,4 +1,4 @@
-"""What lenses write into tables of rays: their numbers, without a scene."""
+"""Ray tables that lenses write: their numbers, without a scene."""
 
 import numpy as np
 import pytest

@@ -153,7 +153,7 @@ def test_what_was_rendered_here_is_its_own_renderers_afterwards(installed: None)
 
 
 def test_what_is_uploaded_is_seen(installed: None) -> None:
-    """As the suite's quadruped uploads the terrain that it has made for an episode."""
+    """Upload a terrain as the suite's quadruped does for an episode."""
     one = engine.Physics.from_xml_string("""
         <mujoco>
           <asset>

@@ -42,7 +42,7 @@ def has_judge() -> bool:
 
 
 def own(env: Any, mode: str, camera: int | None) -> Any:
-    """Of Gymnasium's own viewer, in the same state."""
+    """Return the picture of Gymnasium's own viewer, in the same state."""
     if not has_judge():
         pytest.skip("Gymnasium's own viewer needs a library: apt-get install libosmesa6")
     base = env.unwrapped
@@ -111,7 +111,7 @@ VEILED = """
 
 
 def test_depth_is_of_what_is_behind_what_is_transparent(installed: None) -> None:
-    """As the buffer of depth has it where colours are drawn; ids are of all."""
+    """Depth is that of the depth buffer where colours are drawn; ids are of all."""
     model = mujoco.MjModel.from_xml_string(VEILED)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -216,7 +216,7 @@ def test_uninstalling() -> None:
 
 
 def test_what_is_uploaded_to_the_viewer_is_read_again(installed: None) -> None:
-    """As MyoSuite does with a mesh that it changes."""
+    """Upload a changed mesh as MyoSuite does."""
     model = mujoco.MjModel.from_xml_string("""
         <mujoco>
           <asset><hfield name="hills" nrow="4" ncol="4" size="2 2 1 .1"/></asset>

@@ -67,7 +67,7 @@ def test_the_yam_arm_sees_its_cube_for_a_hundred_steps() -> None:
 
 
 def test_images_are_those_of_mjlabs_own_sensor() -> None:
-    """The same cartpole twice: one drawn by mjlab's renderer, one by ours."""
+    """Draw one cartpole twice: by mjlab's renderer, and by ours."""
     images = []
     sensor = MjlabCfg(
         name="eye", pos=(0.0, -3.0, 1.2), quat=(0.7071, 0.7071, 0.0, 0.0), fovy=60.0, width=32, height=24,
@@ -267,7 +267,7 @@ def test_groups_are_of_any_number_as_mjlab_has_them() -> None:
 
 @pytest.mark.parametrize("zfar", [0.0, 1.0])
 def test_a_model_whose_zfar_is_zero_has_no_end(zfar: float) -> None:
-    """As with MuJoCo-Warp's calls; an end that there is cuts off."""
+    """A zfar of zero is no limit, as with MuJoCo-Warp's calls; another one cuts off."""
     cfg = cartpole_balance_env_cfg()
     cfg.scene.spec_fn = lambda spec: setattr(spec.visual.map, "zfar", zfar)
     cfg.scene.sensors = (

@@ -204,7 +204,7 @@ def test_a_capture_of_a_host_scene_is_refused(device: wp.Device) -> None:
 
 
 class _Stream:
-    """As Warp has them; notes who waits for whom."""
+    """Stream with Warp's methods that records who waits for whom."""
 
     is_capturing = False
 
@@ -216,7 +216,7 @@ class _Stream:
 
 
 def test_streams_are_in_order_after_an_error() -> None:
-    """What was queued before it is waited for."""
+    """Work that was queued before the error is waited for."""
     waits: list[tuple[Any, Any]] = []
     with pytest.raises(KeyError), torch_interop._between(_Stream("Warp's", waits), _Stream("torch's", waits)):
         raise KeyError

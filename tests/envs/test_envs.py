@@ -60,7 +60,7 @@ def assert_ends_are_same(found: dict[str, Any], expected: dict[str, Any], ended:
 
 
 def test_the_image_is_of_the_state_beside_it(device: wp.Device) -> None:
-    """Where the ball is seen is where the observation says it is, also in the last one of an episode."""
+    """The image shows the ball where the observation has it, also in the last one of an episode."""
     env = pixels(4, AutoresetMode.SAME_STEP)
     env.unwrapped.live = True
     observations, _ = env.reset(seed=1)

@@ -251,7 +251,7 @@ def test_files(device: wp.Device) -> None:
 
 
 def frames_of(size: tuple[int, int]) -> list[dict[str, np.ndarray]]:
-    """What three worlds show of themselves, some of which rest, are left out or are reset, on the current device."""
+    """Return the frames of three worlds, some of which rest, are left out or are reset, on the current device."""
     outputs = ("flow", "flow_valid", "depth", "segmentation")
     moving = Moving(num_worlds=3, width=size[0], height=size[1], outputs=outputs)
     frames = [moving.see(), moving.see()]
@@ -293,7 +293,9 @@ TILTED = """
 
 
 def floors_seen(tilt: str, size: tuple[int, int], outputs: tuple[str, ...]) -> list[dict[str, np.ndarray]]:
-    """What two worlds show whose cameras move over a floor, with things before it, slowly, fast, far back, and not."""
+    """Return the frames of two worlds whose cameras move over a floor, with things before it, slowly, fast, far back,
+    and not.
+    """
     moving = Moving(num_worlds=2, width=size[0], height=size[1], outputs=outputs, world=TILTED % tilt)
     frames = [moving.see()]
     for by, angle in (

@@ -1,4 +1,4 @@
-"""Where rays enter solids, by the textbook, in float64: the judge of test_closed_form.py.
+"""Intersections of rays with solids, by the textbook, in float64: the judge of test_closed_form.py.
 
 Every function takes origins and directions (..., 3) in the solid's frame and returns t, (...), inf where the ray
 does not enter, and the outward normal there, (..., 3).

@@ -1,4 +1,4 @@
-"""What ``mujoco.Renderer`` paints, and how far an image of ours is from it where no edge is near."""
+"""Pictures of ``mujoco.Renderer``, and the difference of an image of ours from them away from edges."""
 
 import mujoco
 import numpy as np

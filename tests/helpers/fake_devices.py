@@ -9,7 +9,7 @@ PART = "MIG-eeeeeeee-0000-0000-0000-000000000000"  # of the last card
 
 
 def cards_shown(setting: str | None) -> list[int]:
-    """What CUDA makes of ``CUDA_VISIBLE_DEVICES`` on a machine of four cards: the card behind each ordinal."""
+    """Return CUDA's reading of ``CUDA_VISIBLE_DEVICES`` on a machine of four cards: the card behind each ordinal."""
     if setting is None:
         return [0, 1, 2, 3]
     cards: list[int] = []

@@ -84,7 +84,7 @@ class Moving:
             self.arrays.rotation[:] = np_to(self.arrays.rotation, rotation)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Where everything is."""
+        """Return the present state of all objects."""
         names = ("fovy", "height", "intrinsics")
         lens = {name: getattr(self.arrays, name).cpu().numpy().copy() for name in names if hasattr(self.arrays, name)}
         return {
@@ -138,7 +138,7 @@ def expected(
 
 
 def _ratio(then: np.ndarray, now: np.ndarray) -> np.ndarray:
-    """How many times as large a box or a ball was; planes stay as they are."""
+    """Return the ratio of a box's or a ball's previous to its present size; planes stay as they are."""
     if not now[1:].any():
         then, now = np.repeat(then[0], 3), np.repeat(now[0], 3)
     return then / now if now.all() else np.ones(3)

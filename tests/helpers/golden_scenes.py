@@ -135,7 +135,7 @@ def varied(feature: str, device: wp.Device) -> np.ndarray:
 
 
 def soft(feature: str, device: wp.Device) -> np.ndarray:
-    """All that MuJoCo draws beside geoms and sites."""
+    """Build a scene of all that MuJoCo draws beside geoms and sites."""
     mjm, mjd = visual_geom_scenes.bent({"tendon": "tendons", "flex": "cloth", "skin": "skin"}[feature])
     position = (0.5, -1.6, 1.7) if feature != "tendon" else (0.3, -2.4, 0.7)
     camera = eye(

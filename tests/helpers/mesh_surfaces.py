@@ -91,7 +91,7 @@ CLOSED = {
 def meets(
     origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, near: float, far: float = np.inf
 ) -> np.ndarray:
-    """Whether rays (ray, 3) meet one of the faces between two distances, from either side, (ray,)."""
+    """Return whether rays (ray, 3) meet one of the faces between two distances, from either side, (ray,)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     met = np.zeros(len(origins), bool)
     for a, e, f in zip(corners[:, 0], first, second, strict=True):

@@ -51,7 +51,7 @@ def made() -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def add(scene: mujoco.MjvScene, kind: Any, size: Any, pos: Any, rgba: Any = (1, 0, 0, 1), **more: Any) -> Any:
-    """As programs do it; ``shown`` in images of ids, too."""
+    """Add a geom as programs do; ``shown``: in images of ids, too."""
     geom = scene.geoms[scene.ngeom]
     if more.pop("shown", False):
         more["segid"] = scene.ngeom

@@ -15,7 +15,7 @@ TOLERANCE = 1e-3  # of depth, relative: what its depth buffer holds
 
 @dataclass(frozen=True)
 class Reference:
-    """What MuJoCo draws: images (height, width), and the camera it drew them with."""
+    """Pictures of MuJoCo: images (height, width), and the camera it drew them with."""
 
     pairs: np.ndarray  # int32 (height, width, 2), id and mjtObj, or -1 twice
     depth: np.ndarray  # float32 [m]
@@ -23,7 +23,7 @@ class Reference:
 
 
 def options() -> mujoco.MjvOption:
-    """All that it draws, but for the lines of range finders."""
+    """Return options that draw everything except the lines of range finders."""
     chosen = mujoco.MjvOption()
     chosen.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False
     return chosen

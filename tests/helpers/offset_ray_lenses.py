@@ -14,7 +14,7 @@ FOCAL = 0.5 * HEIGHT / np.tan(np.radians(35.0))
 
 
 def parallel() -> wc.Rays:
-    """As Orthographic(SPAN)."""
+    """Return the rays of Orthographic(SPAN)."""
     step = SPAN / HEIGHT
     origins = np.stack([(COLUMN - 0.5 * WIDTH) * step, (0.5 * HEIGHT - ROW) * step, np.zeros_like(ROW)], -1)
     return wc.Rays(np.broadcast_to((0.0, 0.0, -1.0), origins.shape), origins=origins)

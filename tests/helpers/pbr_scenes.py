@@ -51,7 +51,7 @@ def see(stage: Usd.Stage, device: wp.Device, *outputs: str, exposure: float = 0.
 
 
 def ball_normals() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where pixels see the ball, (row, column) bool; normals there and directions to the eye, (pixel, 3)."""
+    """Return the pixels that see the ball, (row, column) bool, with normals and directions to the eye, (pixel, 3)."""
     half = np.tan(np.radians(0.5 * FOVY))
     at = ((np.arange(SIZE) + 0.5) / SIZE * 2.0 - 1.0) * half
     x, y = np.meshgrid(at, -at)

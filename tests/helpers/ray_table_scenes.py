@@ -66,6 +66,6 @@ def camera(lens: wc.Lens, name: str = "own", **settings: Any) -> wc.Camera:
 
 
 def rendered(scene: wc.Scene, *cameras: wc.Camera) -> list[dict[str, np.ndarray]]:
-    """Of the first world."""
+    """Return the first world's image."""
     images = wc.Renderer(scene, cameras).render()
     return [{name: image[0].cpu().numpy() for name, image in images[one.name].items()} for one in cameras]

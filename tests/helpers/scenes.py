@@ -126,7 +126,7 @@ def look(scene: wc.Scene, camera: wc.Camera, **options: Any) -> dict[str, np.nda
 
 
 def package_folder(package: str) -> Path | None:
-    """Where an installed package lies, without importing it; None if it is not installed."""
+    """Return the folder of an installed package, without importing it; None if it is not installed."""
     spec = importlib.util.find_spec(package)
     return Path(spec.origin).parent if spec is not None and spec.origin else None
 

@@ -93,7 +93,7 @@ def renderer_of(env: Sliders, outputs: tuple[str, ...] = ("rgb", "depth"), **opt
 
 
 def pixels(num_envs: int, mode: Any, tensors: bool = False, **options: Any) -> PixelObservation:
-    """Such worlds with images; SAME_STEP is made by the wrapper."""
+    """Make such worlds with images; the wrapper makes SAME_STEP."""
     own = AutoresetMode.DISABLED if mode is AutoresetMode.SAME_STEP else mode
     env = Sliders(num_envs, own, wp.get_device(), tensors)
     more = {"autoreset_mode": mode, "forward": True, **options}
@@ -130,7 +130,7 @@ class Judge(gymnasium.Env):
 
 
 def judge(num_envs: int, mode: Any) -> SyncVectorEnv:
-    """The same worlds, each with a renderer of its own, put together by Gymnasium."""
+    """Make the same worlds, each with a renderer of its own, put together by Gymnasium."""
     return SyncVectorEnv([Judge] * num_envs, autoreset_mode=mode)
 
 

@@ -48,7 +48,7 @@ def random_gaussians(count: int, seed: int, *, least: float = 0.02, size: float 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """Where a cloud stands: position, rotation x y z w, scale, opacity, the id of its shape."""
+    """Placement of a cloud: position, rotation x y z w, scale, opacity, the id of its shape."""
 
     source: newton.Gaussian
     position: Sequence[float] = (0.0, 0.0, 0.0)
@@ -157,7 +157,7 @@ def shown(images: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def nothing(camera: wc.Camera) -> dict[str, np.ndarray]:
-    """What is behind where there is nothing else."""
+    """Return the background."""
     size = (camera.height, camera.width)
     return {
         "hdr": np.broadcast_to(np.asarray(camera.background), (*size, 3)),

@@ -111,7 +111,7 @@ class Twin:
 
 @dataclass(frozen=True)
 class Tables:
-    """What twins look up."""
+    """Tables that twins look up."""
 
     meshes: types.Meshes
     fields: types.HeightFields

@@ -31,7 +31,7 @@ def add_mesh(stage: Usd.Stage, path: str, points: Any, faces: list, **attributes
 
 
 def add_square(stage: Usd.Stage, path: str, z: float = 0.0, half: float = 1.0, **attributes: Any) -> UsdGeom.Mesh:
-    """It faces up."""
+    """Add a square that faces up."""
     points = [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
     return add_mesh(stage, path, points, [(0, 1, 2, 3)], **attributes)
 

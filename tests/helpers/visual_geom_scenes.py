@@ -93,7 +93,7 @@ HELD = """
 
 
 def flexcomp(dim: int, more: str = "", **changes: str) -> str:
-    """One that hangs free, of any dimension."""
+    """Return the XML of a flex that hangs free, of any dimension."""
     count = {1: "6 1 1", 2: "5 4 1", 3: "4 3 3"}[dim]
     settings = {"pos": "0 0 0", "rgba": ".2 .7 .9 1", "radius": ".05", "name": "soft", **changes}
     values = " ".join(f'{name}="{value}"' for name, value in settings.items())

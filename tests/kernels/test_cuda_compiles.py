@@ -1,4 +1,4 @@
-"""What a GPU would be given compiles for it.
+"""Compilation for a GPU of all that a GPU would be given.
 
 NVRTC comes with Warp and needs no GPU: a name that two headers have, and what is wrong in the parts of headers that are
 for CUDA alone, is an error on a machine without one, too.
@@ -47,7 +47,7 @@ HILLS = '<hfield name="hills" nrow="5" ncol="5" size="2 2 .5 .1" elevation="{}"/
 
 @pytest.fixture(autouse=True)
 def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
-    """What chooses kernels takes the CPU for a GPU; the stages of renderers that are made meanwhile, not bound."""
+    """Choose kernels as for a GPU, on the CPU; return the stages of renderers that are made meanwhile, not bound."""
     stages: list[launch.Stage] = []
     real = wp.Device.is_cuda.fget
     monkeypatch.setattr(wp.Device, "is_cuda", property(lambda self: _chooses(sys._getframe(1)) or real(self)))
@@ -59,7 +59,7 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where a module that several tests ask for is compiled once."""
+    """Folder in which a module that several tests ask for is compiled once."""
     return tmp_path_factory.mktemp("compiled")
 
 

@@ -1,4 +1,4 @@
-"""What a camera inside a mesh's box sees of the mesh: no face is left out that a ray meets, and of others most are."""
+"""Views of a mesh from inside its box: no face that a ray meets is left out, and most others are."""
 
 import mujoco
 import numpy as np

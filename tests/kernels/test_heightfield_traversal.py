@@ -173,7 +173,7 @@ class Truth:
         self.triangles = np.stack((np.stack((a, b, c), -2), np.stack((a, c, d), -2)), axis=2).reshape(-1, 3, 3)
 
     def tops(self, o: np.ndarray, d: np.ndarray, slack: float = 0.0) -> np.ndarray:
-        """Where each ray enters each triangle through its front, (ray, triangle); inf where it does not."""
+        """Return where each ray enters each triangle through its front, (ray, triangle); inf where it does not."""
         a = self.triangles[:, 0]
         first, second = self.triangles[:, 1] - a, self.triangles[:, 2] - a
         across = np.cross(d[:, None], second)
@@ -187,7 +187,7 @@ class Truth:
         return np.where(met, t, np.inf)
 
     def box(self, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-        """Where each ray enters the sides or the base, (ray,)."""
+        """Return where each ray enters the sides or the base, (ray,)."""
         low, high = np.array([*-self.half, -self.base]), np.array([*self.half, self.top])
         with np.errstate(all="ignore"):
             t0, t1 = (low - o) / d, (high - o) / d

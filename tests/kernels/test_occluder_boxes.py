@@ -1,4 +1,4 @@
-"""Where meshes surely stop light: rays that are stopped without a walk."""
+"""Occluder boxes: rays that are blocked without a traversal."""
 
 import numpy as np
 import pytest
@@ -149,7 +149,7 @@ def test_outlines_hold_all_points(count: int, scale: tuple[float, ...]):
 
 
 def test_outlines_cut_edges_off():
-    """Of a ball's box, whose corners are 1.73 away."""
+    """The outline is that of a ball's box, whose corners are 1.73 away."""
     outline = occluder_boxes.outline(CLOSED["ball"]()[0])
     assert 1.0 < np.linalg.norm(outline, axis=1).max() < 1.25
 

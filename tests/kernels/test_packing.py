@@ -11,7 +11,7 @@ SIZES = [(4, 8), (3, 5), (1, 1), (2, 3)]  # height and width
 
 
 def rows(device: wp.Device, dtype: object, columns: int) -> wp.array:
-    """What is written to: nothing but sevens."""
+    """Make rows to write to, filled with sevens."""
     return wp.full((WORLDS, columns), dtype(7), dtype=dtype, device=device)
 
 

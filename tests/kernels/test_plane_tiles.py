@@ -25,7 +25,7 @@ EYES = [(0.0, -2.0, 0.9), (0.1, -1.95, 0.95), (0.1, -1.95, 0.95), (0.3, -1.9, 0.
 
 
 def frames(floor: str, size: tuple[int, int], outputs: tuple[str, ...]) -> list[dict[str, np.ndarray]]:
-    """Of a camera that moves, rests and moves again, over worlds in which a ball does."""
+    """Return the frames of a camera that moves, rests and moves again, over worlds in which a ball does."""
     mjm = scenes.compile_xml(SHAPES.format(floor=FLOORS[floor]))
     m, d = scenes.put(mjm, 5)
     camera = scenes.own_camera(

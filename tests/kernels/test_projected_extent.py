@@ -1,4 +1,4 @@
-"""How far round shapes reach in a view: no point of them lies outside, and little is left free."""
+"""Bounds of round shapes in a view: no point of them lies outside, and little is left free."""
 
 import numpy as np
 import pytest

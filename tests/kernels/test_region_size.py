@@ -1,4 +1,4 @@
-"""How many pixels a thread block draws: few worlds are cut into more blocks, as far as that pays. Images stay alike."""
+"""Pixels that a thread block draws: few worlds are cut into more blocks, as far as that pays. Images stay alike."""
 
 import threading
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What a CPU does to eight pixels at once, against closed forms and against what it does to one."""
+"""Packets of eight pixels on a CPU, against closed forms and against single pixels."""
 
 import numpy as np
 import pytest

@@ -13,7 +13,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.struct
 class Found:
-    """What is known of one hit."""
+    """Examination of one hit."""
 
     normal: wp.vec3
     weights: wp.vec3  # of the corners of its facet
@@ -85,7 +85,7 @@ def examine(
 
 @wp.struct
 class Finish:
-    """How a shape looks."""
+    """Appearance of a shape."""
 
     color: wp.vec3
     texture: wp.int32

@@ -1,4 +1,4 @@
-"""What a CPU does to whole tiles and whole nodes at once, against what it does to parts of them."""
+"""Whole tiles and whole nodes on a CPU, against parts of them."""
 
 import numpy as np
 import warp as wp

@@ -35,7 +35,7 @@ def frames(
     opens: bool,
     size: tuple[int, int] = (64, 64),
 ) -> list[dict[str, np.ndarray]]:
-    """What the worlds show: all, some, one that is broken, and all again; ``opens``: the camera is the first."""
+    """Return the worlds' frames: all, some, one that is broken, and all again; ``opens``: the camera is the first."""
     mjm = scenes.compile_xml(SHAPES.format(floor=floor))
     m, d = scenes.put(mjm, WORLDS)
     camera = scenes.own_camera(

@@ -74,7 +74,7 @@ def test_albedo_is_as_a_second_pass_makes_it(
 
 
 def test_albedo_of_textures_that_lie_from_above(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As with a MuJoCo before 3.12."""
+    """Textures lie as with a MuJoCo before 3.12."""
     outputs = ("segmentation", "albedo")
     monkeypatch.setattr(mujoco_model, "VERSION", (3, 17))
     usual = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]

@@ -1,4 +1,4 @@
-"""What is shipped: packages and data files are listed, and CI does what the README promises."""
+"""Contents of the package: packages and data files are listed, and CI does what the README promises."""
 
 import importlib
 import re

@@ -90,7 +90,7 @@ def test_times_of_classic_mujoco_and_of_nobody(device: wp.Device) -> None:
 
 
 class Held:
-    """What is held now: bytes of the device by Warp and torch, of the process, and Python's objects."""
+    """Resources held now: bytes of the device by Warp and torch, of the process, and Python's objects."""
 
     def __init__(self, device: wp.Device):
         gc.collect()
@@ -103,7 +103,7 @@ class Held:
         self.process = pages * os.sysconf("SC_PAGE_SIZE") if pages else 0
 
     def grown(self, before: "Held") -> list[str]:
-        """What has become more than a process breathes."""
+        """Return the resources that have grown by more than a process breathes."""
         allowed = {"objects": 300, "device": 0, "process": 64_000_000 if self.on_cuda else 6_000_000}  # a driver's own
         grown = {name: getattr(self, name) - getattr(before, name) for name in allowed}
         return [f"{name}: {more:,} more" for name, more in grown.items() if more > allowed[name]]

@@ -40,7 +40,7 @@ class Bench:
         return {name: scenes.on_host(images) for name, images in self.renderer.render().items()}
 
     def pixels(self, images: dict, geom: str, camera: str = "angle") -> list[int]:
-        """How many pixels of each world show the geom."""
+        """Count the pixels of each world that show the geom."""
         return (images[camera]["segmentation"] == self.mjm.geom(geom).id).sum(axis=(1, 2)).tolist()
 
 
@@ -112,7 +112,7 @@ def test_intrinsics(bench: Bench) -> None:
 
 
 def test_arrays_that_are_replaced(bench: Bench) -> None:
-    """As mjlab's ``expand_model_fields`` does: another array in the place of the model's."""
+    """Put another array in the place of the model's, as mjlab's ``expand_model_fields`` does."""
     plain = Bench(batch=False)
     sizes = np.repeat(plain.m.geom_size.numpy(), WORLDS, axis=0)
     sizes[1, plain.mjm.geom("ball").id, 0] = 0.25

@@ -66,7 +66,7 @@ def placements(kind: str) -> list[tuple[np.ndarray, np.ndarray]]:
 
 
 def float32(values: np.ndarray) -> np.ndarray:
-    """As the device has it."""
+    """Round to float32, as on the device."""
     return np.asarray(values, np.float32).astype(np.float64)
 
 

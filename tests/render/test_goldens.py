@@ -26,7 +26,7 @@ def kept(feature: str) -> np.ndarray:
 
 
 def complaints(reference: np.ndarray, image: np.ndarray) -> list[str]:
-    """What tells two images apart, channel by channel."""
+    """Describe the difference of two images, channel by channel."""
     found = []
     off = np.abs(reference.astype(np.float64) - image)
     for channel, name in enumerate(("red", "green", "blue")):

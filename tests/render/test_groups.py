@@ -97,7 +97,7 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
 
 
 def borrows(phases: list[Any], renderer: wc.Renderer) -> bool:
-    """Whether a buffer of some turn lies in an image of a later turn of its phase."""
+    """Return whether a buffer of some round lies in an image of a later round of its phase."""
     for first, *others in phases:
         for buffer, later in itertools.product([b for p in first for b in starts(p)], itertools.chain(*others)):
             for name in renderer.images[later.camera]:

@@ -1,4 +1,4 @@
-"""What a frame costs in Python: a few calls, however many worlds, cameras and outputs there are.
+"""Cost of a frame in Python: a few calls, however many worlds, cameras and outputs there are.
 
 Seconds are not judged here: `warpcam bench --host` measures them.
 """

@@ -53,7 +53,7 @@ def scratch_by_the_docs(num_worlds: int, cameras: list[wc.Camera], layers: str =
 
 
 def past_by_the_docs(num_worlds: int, num_shapes: int, cameras: list[wc.Camera]) -> int:
-    """The same, for scenes with meshes none of which moves."""
+    """Compute the history's memory for scenes with meshes none of which moves."""
     asking = [each for each in cameras if FLOWS & set(each.outputs)]
     pixels = sum(-(-each.width // 8) * 8 * each.height for each in asking if "flow_valid" in each.outputs)
     shapes = num_shapes * (64 * bool(asking) + 64 * len(asking))
@@ -245,7 +245,7 @@ def test_scratch_of_more_bytes_than_a_dimension_counts() -> None:
 
 
 def test_images_of_more_numbers_than_a_dimension_counts() -> None:
-    """They begin where they are, and have a number for each pixel."""
+    """Images begin where they are, and have a number for each pixel."""
     here = wp.zeros(1, dtype=wp.uint8, device="cpu")
     large = wp.array(ptr=here.ptr, shape=(2**14, 2**8, 2**8, 3), dtype=wp.uint8, device="cpu")
     small = wp.zeros((2, 3, 4, 3), dtype=wp.float32, device="cpu")

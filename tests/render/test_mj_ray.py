@@ -93,7 +93,7 @@ def wrong_pixels(
     ids: np.ndarray,
     depth: np.ndarray,
 ) -> tuple[int, int, int]:
-    """How many pixels are wrong, how many differ at edges, how many are ties; of an image (pixel,)."""
+    """Count the pixels that are wrong, that differ at edges, and that are ties; of an image (pixel,)."""
     local = scenes.pixel_rays(SIZE, SIZE, FOVY).reshape(-1, 3)
     rays = local @ rotation.T
     true_ids, true_depth = judge(mjm, mjd, position, rays)

@@ -1,4 +1,4 @@
-"""What changes from frame to frame, or from renderer to renderer, compiles nothing and records no graph again."""
+"""Changes from frame to frame, or from renderer to renderer, compile nothing and record no graph again."""
 
 from collections.abc import Callable
 from typing import Any

@@ -123,7 +123,7 @@ def memory_used() -> list[int]:
 @pytest.mark.parametrize("way", ["mujoco_warp", "mujoco", "newton"])
 @pytest.mark.parametrize("card", [0, 1])
 def test_the_other_card_has_no_byte_of_it(card: int, way: str) -> None:
-    """As the driver counts it while the process lives."""
+    """Bytes are counted by the driver while the process lives."""
     if way == "newton":
         pytest.importorskip("newton")
     folder = str(Path(every_gpu.__file__).parent)
@@ -159,7 +159,7 @@ print("DONE " + json.dumps([uuids, said]))
 @pytest.mark.skipif("CUDA_VISIBLE_DEVICES" in os.environ, reason="CUDA_VISIBLE_DEVICES numbers the cards anew already")
 @pytest.mark.parametrize("setting", ["", "0", "1", "1,0", " 1", "1 ,0 ", "UUID 1", "1,99", "0,0", "-1"])
 def test_ordinals_are_those_that_are_visible(setting: str) -> None:
-    """What is said of ``CUDA_VISIBLE_DEVICES`` is what CUDA itself does with it, whatever that is."""
+    """Descriptions of ``CUDA_VISIBLE_DEVICES`` are what CUDA itself does with it, whatever that is."""
     cards = [device.uuid for device in wp.get_cuda_devices()]
     setting = cards[1] if setting == "UUID 1" else setting
     environment = {**os.environ, "CUDA_VISIBLE_DEVICES": setting, "MUJOCO_EGL_DEVICE_ID": "0"}

@@ -1,4 +1,4 @@
-"""What every world may have for itself: written in place, seen at the next render, nothing built or compiled again."""
+"""Per-world overrides: written in place, seen at the next render, nothing built or compiled again."""
 
 from collections.abc import Callable
 from typing import Any
@@ -304,7 +304,7 @@ def test_one_world_of_a_stage_differs(device: wp.Device, loads: list[str]) -> No
 
 
 def test_what_a_stage_hides_later_stays_hidden(device: wp.Device) -> None:
-    """Where it has one colour for all worlds, until some of them hide it."""
+    """The array has one colour for all worlds, until some of them hide the shape."""
     stage = usd_stages.metric(Usd.Stage.CreateInMemory())
     usd_stages.add_square(stage, "/square")
     scene = wc.from_usd(stage, WORLDS, device=device)
@@ -348,7 +348,7 @@ def test_what_a_camera_cannot_have_is_named(options: dict[str, Any], message: st
 
 
 def test_colors_hold_while_time_goes_on(device: wp.Device) -> None:
-    """What the simulator writes into its own array is no longer read; where things are is."""
+    """Colours that the simulator writes into its own array are no longer read; poses are."""
     mjm = scenes.compile_xml(WORLD, assets=ASSETS)
     m, d = scenes.put(mjm, WORLDS)
     scene = wc.from_mujoco_warp(mjm, m, d)

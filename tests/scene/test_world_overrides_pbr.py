@@ -1,4 +1,4 @@
-"""What every world may have for itself where light is linear: written in one world, each name shows there alone."""
+"""Per-world overrides in linear light: written in one world, each name shows there alone."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -96,7 +96,7 @@ CHANGES: dict[str, Callable[[torch.Tensor], Any]] = {
 
 
 def test_names(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
-    """All that may be varied is tried here, and nothing may be that no image shows."""
+    """All names that may be varied are tried here, and no name may be varied that no image shows."""
     scene = make(stage, tmp_path, device)
     assert set(override_names(scene._parts)) == set(CHANGES)
     for name in ("material_color", "material_emission", "material_specular", "material_shininess"):

@@ -72,7 +72,7 @@ def test_what_is_not_drawn_is_not_counted(device: wp.Device) -> None:
 
 
 def test_colours_and_places_of_now(device: wp.Device) -> None:
-    """Of what coincided when the scene was made."""
+    """Shapes that coincided when the scene was made have their present colours and places."""
     mjm = model("box", RED, GREEN)
     mjm.light_specular[:] = 0.0
     mjd = scenes.forward(mjm)

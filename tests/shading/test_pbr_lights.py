@@ -112,7 +112,7 @@ def around(u: np.ndarray) -> np.ndarray:
 
 
 def of_sphere(point: np.ndarray) -> np.ndarray:
-    """Of a sphere of radius 0.5 the points, normals, areas that see ``point``."""
+    """Return the points, normals and areas of a sphere of radius 0.5 that see ``point``."""
     return surface_light(
         point,
         lambda u, v: 0.5 * np.sqrt(1 - (2 * v - 1) ** 2)[..., None] * around(u) + (v - 0.5)[..., None] * UPRIGHT,
@@ -145,7 +145,7 @@ def of_cylinder(point: np.ndarray) -> np.ndarray:
 def surface_light(
     point: np.ndarray, place: Callable[..., np.ndarray], normal: Callable[..., np.ndarray], area: float
 ) -> np.ndarray:
-    """What each of many small parts of a surface of radiance 1 sends to a point, as vectors, over pi."""
+    """Return the light of each small part of a surface of radiance 1 at a point, as vectors, over pi."""
     at = (np.arange(600) + 0.5) / 600
     u, v = (x.reshape(-1) for x in np.meshgrid(at, at))
     parts = place(u, v)

@@ -95,7 +95,7 @@ def test_a_pane_is_laid_over_once_and_all_but_colours_are_those_of_a_solid_one(d
 
 
 def test_what_becomes_transparent_later(device: wp.Device) -> None:
-    """It is seen through where the scene was told so, and solid elsewhere: it never vanishes."""
+    """The shape is seen through if the scene was told so, and solid otherwise: it never vanishes."""
     for wanted in (True, None, False):
         model, state = things(2, device)
         model.shape_opacity.fill_(1.0)

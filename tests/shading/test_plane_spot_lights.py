@@ -29,7 +29,7 @@ def test_spots_on_planes(device: wp.Device, size: str, material: str, eye: tuple
 
 
 def test_a_cube_texture_by_the_metre_on_an_endless_plane(device: wp.Device) -> None:
-    """It is by the metre anyway: no length of 0 is what a direction into the texture is multiplied by."""
+    """The texture is by the metre anyway: no length of 0 multiplies a direction into the texture."""
     cube = '<texture name="cube" type="cube" builtin="gradient" rgb1=".9 .2 .1" rgb2=".1 .3 .9" mark="cross" '
     cube += 'markrgb="1 1 1" width="16" height="16"/>'
     images = []

@@ -193,7 +193,7 @@ def test_the_sky_is_no_floor(device: wp.Device) -> None:
 def test_what_hangs_behind_a_lamp_takes_no_shadow_away(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch, hung: str
 ) -> None:
-    """What the light sees of such a shape has no end; the image's first rows look above the horizon."""
+    """The light's view of such a shape has no end; the image's first rows look above the horizon."""
     lamp = '<light pos="-1.5 3 3.5" dir="0 0 -1" cutoff="80" diffuse=".9 .9 .9"/>'
     ball = f'<geom type="sphere" pos="{hung}" size=".2"/><geom type="box" pos="0 3 .8" size=".5 .5 .8"/>'
     mjm = model("0 0 .1", "grey", lamp + ball, '<camera pos="0 -1 1.5" xyaxes="1 0 0 0 0 1"/>')

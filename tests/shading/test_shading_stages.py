@@ -1,4 +1,4 @@
-"""What only colours and normals need of meshes that move is left out of frames without them."""
+"""Work that only colours and normals of moving meshes need is left out of frames without them."""
 
 import numpy as np
 import pytest

@@ -130,7 +130,7 @@ def test_worlds_are_seen_through_each_in_its_own_way(device: wp.Device) -> None:
 
 
 def test_what_becomes_transparent_later(device: wp.Device) -> None:
-    """It is seen through where the scene was told so, and solid elsewhere: it never vanishes."""
+    """The shape is seen through if the scene was told so, and solid otherwise: it never vanishes."""
     images = {}
     for wanted in (True, None):
         m, renderer = scene_of_three(device, transparency=wanted)
@@ -144,7 +144,7 @@ def test_what_becomes_transparent_later(device: wp.Device) -> None:
 
 
 def test_worlds_that_share_colours_otherwise_than_materials(device: wp.Device) -> None:
-    """Of six worlds only the last has the colour that lets a material count, and the material that is transparent."""
+    """The last of six worlds alone has the colour that lets a material count, and the transparent material."""
     mjm = mujoco.MjModel.from_xml_string(
         '<mujoco><asset><material name="glass" rgba=".2 .9 .3 .3"/></asset>'
         '<worldbody><geom size=".3"/></worldbody></mujoco>'

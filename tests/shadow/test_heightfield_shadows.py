@@ -1,4 +1,4 @@
-"""What is in the ground of a height field is in its shadow, whichever way light comes in, beside ``mujoco.Renderer``:
+"""Objects in the ground of a height field are in its shadow, whichever way light comes in, beside ``mujoco.Renderer``:
 the maps of its lights hold both sides of all faces, while a camera in the ground sees none of them.
 """
 
@@ -66,7 +66,7 @@ def test_light_in_the_ground_shines_there(device: wp.Device, crowd: int) -> None
 
 @pytest.mark.parametrize("crowd", [0, 400])
 def test_lit_ground_has_no_speckles(device: wp.Device, crowd: int) -> None:
-    """Where shadows reach everywhere their rays begin right at the ground, and slanted ones stay near it."""
+    """Shadow rays without a bias start right at the ground, and slanted ones stay near it."""
     light = f'<light type="directional" pos="0 0 4" dir="1 .1 -.02" {COLOURS}/>'
     mjm, mjd = ground(light, ONTO_IT, floor=False, crowd=crowd)
     mjm.hfield_data[:] = 1.0

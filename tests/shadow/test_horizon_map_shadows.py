@@ -1,4 +1,4 @@
-"""What meshes know of their own shadows spares rays and changes no image."""
+"""Horizon maps of meshes spare rays and change no image."""
 
 import mesh_surfaces
 import mujoco

@@ -93,7 +93,7 @@ def test_each_pixel_may_show_a_shape_of_its_own(device: wp.Device) -> None:
 
 @pytest.mark.parametrize("others", [0, 150])
 def test_of_shapes_at_one_place_the_later_is_seen(device: wp.Device, others: int) -> None:
-    """As where shapes are drawn one over the other."""
+    """The later of coincident shapes is seen, as if they were drawn one over the other."""
     away = "".join(f'<geom size=".2" pos="{k % 15 / 5 - 1.4} {k // 15 / 5 - 0.9} -2"/>' for k in range(others))
     same = '<geom type="box" size=".5 .5 .1"/>'
     mjm = scenes.compile_xml(same + away + 2 * same)

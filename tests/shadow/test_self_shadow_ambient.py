@@ -1,4 +1,4 @@
-"""Which dark sides lose the ambient part of a light that casts shadows, beside ``mujoco.Renderer``: one shape each.
+"""Dark sides that lose the ambient part of a light that casts shadows, beside ``mujoco.Renderer``: one shape each.
 
 Those that lie behind what the light falls on, as far as the light's map reaches: shapes stand in it, across its
 edge, and outside.

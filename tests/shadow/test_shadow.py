@@ -63,7 +63,7 @@ def test_more_casters_than_one_pass_lists(device: wp.Device, light: str) -> None
 
 @pytest.mark.parametrize("count", [3, 300])
 def test_lights_add_up(device: wp.Device, count: int) -> None:
-    """What several lights give together is the sum of what each gives alone, on all shapes."""
+    """Light of several lights is the sum of each one's light, on all shapes."""
     casters = "".join(
         f'<body pos="{0.8 * i - 2.4} {0.3 * i - 1.0} 1" euler="20 {10 * i} 30">{scenes.geom_xml(kind)}</body>'
         for i, kind in enumerate(CASTERS)
@@ -101,7 +101,7 @@ def test_what_lies_in_its_own_shadow_loses_the_ambient_part(device: wp.Device, k
 
 
 def test_glass_keeps_the_ambient_part(device: wp.Device) -> None:
-    """It casts shadows and receives none, not even its own."""
+    """Glass casts shadows and receives none, not even its own."""
     lamp = LIGHTS["directional"].replace('ambient="0 0 0"', 'ambient="0.25 0.25 0.25"')
     mjm = scenes.compile_xml(lamp + '<geom type="box" size=".5 .5 .5" pos="0 0 1" rgba="1 1 1 .5"/>', more=DARK)
     below = {**EYE, "position": (0.0, -0.2, -1.0), "rotation": scenes.looking((0, -0.2, -1), (0, -0.1, 1))}
@@ -138,7 +138,7 @@ def test_an_open_mesh_casts_whichever_side_is_lit(device: wp.Device, faces: str,
 
 @pytest.mark.parametrize("headlight", [False, True])
 def test_lights_cast_that_give_light(device: wp.Device, headlight: bool) -> None:
-    """Of any number of lights the first eight count that are on, the headlight included, with the shadows of these."""
+    """The first eight lights that are on count, the headlight included, with the shadows of these."""
     balls = "".join(f'<geom size="0.2" pos="{0.7 * i - 1.4} {0.4 * i - 1.0} 0.6"/>' for i in range(5))
     on = [1, 4, 5, 9, 12, 13, 20, 33, 36, 39]
 
@@ -217,7 +217,9 @@ def test_shadows_end_where_the_renderers_maps_end(device: wp.Device, name: str) 
 @pytest.mark.parametrize(("gap", "dark"), [(2.0e-5, False), (2.0e-2, True)])
 @pytest.mark.parametrize("light", ["directional", "spot"])
 def test_layers_of_one_surface_do_not_shade_each_other(device: wp.Device, light: str, gap: float, dark: bool) -> None:
-    """What is nearer to a surface than a part of a texel of the renderer's map, as the inner side of a mesh."""
+    """Layers nearer to a surface than a part of a texel of the renderer's map, as the inner side of a mesh, cast no
+    shadow on it.
+    """
     sheet = "-9 -9 0  9 -9 0  0 9 0  0 0 9"
     mjm = scenes.compile_xml(
         LIGHTS[light] + FLOOR + '<geom type="mesh" mesh="sheet"/>',

@@ -216,8 +216,11 @@ def test_depth_alone_and_its_clipping(device: wp.Device) -> None:
 
 
 def test_against_newtons_own_camera(device: wp.Device) -> None:
-    """Where hardly any light comes through, both see the same. Elsewhere Newton shows either a solid cloud, if 51 % of
-    the light is lost, or what is behind: the surfaces are the same but where it is about half."""
+    """Both cameras see the same where hardly any light comes through.
+
+    Elsewhere Newton shows either a solid cloud, if 51 % of the light is lost, or what is behind: the surfaces are the
+    same but where it is about half.
+    """
     some = random_gaussians(300, seed=7, size=0.25)
     source = newton.Gaussian(
         some.positions, some.rotations, some.scales, np.ones(300), np.abs(some.sh_coeffs), min_response=0.1

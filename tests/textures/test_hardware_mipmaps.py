@@ -81,7 +81,7 @@ def test_each_image_but_cubes_has_one_or_none_has(
 
 
 def test_the_hardware_shows_what_the_texels_do(device: wp.Device) -> None:
-    """It rounds places between two texels and between two levels to 1/256; on a CPU there are none."""
+    """The hardware rounds places between two texels and between two levels to 1/256; a CPU has none."""
     images = [image(64, 32)]
     textures = pack_textures(images, device)
     made = pack_mips(images, textures, device)

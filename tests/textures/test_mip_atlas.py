@@ -120,7 +120,7 @@ def test_around_each_face_of_a_cube_is_what_a_step_over_its_edge_shows(size):
 
 @pytest.mark.parametrize("kind", ["2d", "cube"])
 def test_the_hardware_shows_what_the_texels_do(device, kind):
-    """It rounds a place between two texels to 1/256; on a CPU there are no sheets.
+    """The hardware rounds a place between two texels to 1/256; a CPU has no mip atlas.
 
     At the corners of a cube three texels meet where four are filtered: there the two may take another fourth.
     """

@@ -117,7 +117,7 @@ def test_forces_act_where_they_are_put(device: wp.Device, space: gymapi.Coordina
 @pytest.mark.parametrize("placed", [False, True])
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
 def test_a_force_at_the_centre_of_mass_turns_nothing(device: wp.Device, count: int, placed: bool) -> None:
-    """Which is beside the body's origin."""
+    """The centre of mass is beside the body's origin."""
     sim, bodies = floating(device, count)
     for index in range(count):
         env = GYM.get_env(sim, index)
@@ -210,7 +210,7 @@ def test_gravity_and_steps_may_change(device: wp.Device, count: int) -> None:
 
 
 def test_tasks_are_randomized(device: wp.Device) -> None:
-    """As IsaacGymEnvs does: it looks up all calls, and starts from what gravity was the first time."""
+    """Randomise as IsaacGymEnvs does: it looks up all calls, and starts from the gravity of the first time."""
     sim, _ = floating(device, 2)
     setters = {
         name: (getattr(GYM, f"get_{call}"), getattr(GYM, f"set_{call}"))

@@ -36,7 +36,7 @@ def test_every_name_of_gymapi_is_there() -> None:
 
 
 def test_what_is_held_can_be_filled_in() -> None:
-    """As programs do before they load an asset."""
+    """Fill in parameters as programs do before they load an asset."""
     options = gymapi.AssetOptions()
     options.mesh_normal_mode = gymapi.COMPUTE_PER_VERTEX
     options.vhacd_enabled = True

@@ -145,7 +145,7 @@ def test_what_holds_a_joint_is_felt(device: wp.Device, tmp_path: Path, count: in
 
 
 def held(dofs: torch.Tensor) -> torch.Tensor:
-    """As they are, but for what hangs on the boom, which stays."""
+    """Keep all bodies as they are, except those on the boom, which stays."""
     states = dofs.clone().view(-1, 4, 2)
     states[:, 1:] = 0.0
     return states.view(-1, 2).contiguous()
@@ -329,7 +329,7 @@ def test_a_heavier_body_is_in_the_mass_matrix_at_once(device: wp.Device, tmp_pat
 def test_drives_of_many_actors_are_written_at_once(
     device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As they are read next: a program may set those of each actor, one after the other."""
+    """Drives are written when they are next read: a program may set those of each actor, one after the other."""
     sim = cranes(device, tmp_path, 3)
     GYM.prepare_sim(sim)
     masses, written = wrapped(GYM.acquire_mass_matrix_tensor(sim, "crane")), []

@@ -1,4 +1,4 @@
-"""What IsaacGymEnvs' hands ask of an asset before they make their environments."""
+"""Calls of IsaacGymEnvs' hands on an asset before their environments are made."""
 
 from pathlib import Path
 

@@ -254,7 +254,7 @@ def write_plate(path: Any, points: np.ndarray) -> None:
 
 @pytest.mark.parametrize("kind", ["obj", "stl", "dae"])
 def test_meshes_whose_files_have_y_up_are_flipped(tmp_path: Path, kind: str) -> None:
-    """Those that are only seen; .dae files say which way is up."""
+    """Meshes that are only visible are flipped; .dae files say which axis is up."""
     along = 2 if kind == "dae" else 1  # up in the file
     corners = np.zeros((4, 3))
     corners[:, along], corners[:, 3 - along] = (0, 0, 0.9, 0.9), (-0.1, 0.1, 0.1, -0.1)

@@ -1,4 +1,4 @@
-"""What programs of the field count on in Isaac Gym's calls, beside what its pages say."""
+"""Behaviour of Isaac Gym's calls that programs of the field rely on, beyond what its pages say."""
 
 import warnings
 from pathlib import Path
@@ -31,7 +31,7 @@ HELD = f"""
 
 
 def test_bodies_that_are_not_to_be_collapsed_stay(tmp_path: Path) -> None:
-    """As feet that sensors are put on; their masses stay with them."""
+    """Bodies such as feet with sensors stay; their masses stay with them."""
     (tmp_path / "dog.urdf").write_text(HELD)
     sim, bodies, masses = new_sim(wp.get_device("cpu")), {}, {}
     for collapse in (False, True):
@@ -47,7 +47,7 @@ def test_bodies_that_are_not_to_be_collapsed_stay(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["urdf", "xml"])
 def test_a_base_that_is_held_stays_a_body(tmp_path: Path, kind: str) -> None:
-    """As walls and furniture of one link, and of several."""
+    """Bases such as walls and furniture of one link, and of several, stay bodies."""
     lamp = '<body name="lamp" pos="0 0 0.5"><geom size="0.1" mass="1"/></body>'
     texts = {
         "urdf": f"""<robot name="wall">{LINK.format("wall", 2)}{LINK.format("lamp", 1)}
@@ -123,7 +123,7 @@ def test_environments_may_differ_in_groups_and_filters(
 
 
 def test_bodies_of_an_actor_collide_unless_it_has_a_filter(tmp_path: Path) -> None:
-    """Of those that are not joined; where environments differ in this alone, too."""
+    """Bodies that no joint connects collide, also if environments differ in this alone."""
     ball = "<collision><geometry><sphere radius='0.3'/></geometry></collision>"
     links = "".join(f'<link name="l{i}">{INERTIAL.format(1)}{ball}</link>' for i in range(3))
     joints = "".join(
@@ -238,7 +238,7 @@ def test_meshes_of_collada_files_are_seen(tmp_path: Path) -> None:
 
 
 def test_numbers_may_be_arrays_of_one() -> None:
-    """As programs draw random ones."""
+    """Accept arrays of one number, as programs draw random ones."""
     sim = new_sim(wp.get_device("cpu"))
     env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
     box = GYM.create_actor(env, GYM.create_box(sim, 0.1, 0.1, 0.1), at(0, 0, 1), "box", 0, 0)
@@ -298,7 +298,7 @@ def test_joints_of_urdf_files_are_driven_by_nothing_unless_told(tmp_path: Path) 
 
 
 def test_rows_of_states_become_poses() -> None:
-    """As programs draw and compare them, one by one or as an array of one."""
+    """Convert rows as programs draw and compare them, one by one or as an array of one."""
     sim = new_sim(wp.get_device("cpu"))
     env = GYM.create_env(sim, gymapi.Vec3(), gymapi.Vec3(), 1)
     pose = gymapi.Transform(gymapi.Vec3(1, 2, 3), gymapi.Quat(0, 1, 0, 0))

@@ -144,7 +144,7 @@ def test_states_round_trip_and_move_bodies_at_once(device: wp.Device, tmp_path: 
 
 
 def test_actors_are_told_where_to_begin_while_environments_are_made(device: wp.Device, tmp_path: Path) -> None:
-    """As programs do between two environments; what is told and asked then is what is simulated and seen."""
+    """Place actors as programs do between two environments; values told and asked then are those simulated and seen."""
     (tmp_path / "arm.xml").write_text(ARM)
     sim = new_sim(device, dt=0.01, substeps=4)
     asset = GYM.load_asset(sim, str(tmp_path), "arm.xml", gymapi.AssetOptions(fix_base_link=True, disable_gravity=True))

@@ -97,7 +97,7 @@ def resting(device: wp.Device, count: int, mass: float = 2.0) -> gymapi.Sim:
 
 
 def test_an_ant(device: wp.Device, tmp_path: Path) -> None:
-    """As IsaacGymEnvs' task of that name makes its environments and reads them."""
+    """Make and read environments as IsaacGymEnvs' task of that name does."""
     (tmp_path / "ant.xml").write_text(ANT)
     sim = new_sim(device, dt=0.0166, substeps=2)
     ground(sim)
@@ -139,7 +139,7 @@ def test_an_ant(device: wp.Device, tmp_path: Path) -> None:
 
 
 def test_a_cartpole(device: wp.Device, tmp_path: Path) -> None:
-    """Likewise, with a camera for each."""
+    """Make and read environments as IsaacGymEnvs' cart-pole does, with a camera for each."""
     (tmp_path / "cartpole.urdf").write_text(POLE)
     sim = new_sim(device, dt=0.0166, substeps=2)
     options = gymapi.AssetOptions()
@@ -171,7 +171,7 @@ def test_a_cartpole(device: wp.Device, tmp_path: Path) -> None:
 
 
 def test_a_legged_robot(device: wp.Device, tmp_path: Path) -> None:
-    """As legged_gym's base task: frictions of the asset before each actor, masses of each actor, contact forces."""
+    """Follow legged_gym's base task: frictions of the asset before each actor, masses of each actor, contact forces."""
     (tmp_path / "dog.urdf").write_text(DOG)
     sim = new_sim(device, dt=0.005, substeps=1)
     ground(sim)
@@ -230,7 +230,7 @@ def test_contacts_carry_what_lies(device: wp.Device, count: int) -> None:
 
 
 def slid(sim: Any, roots: torch.Tensor) -> list[float]:
-    """How far a push of 1 m/s takes the actors."""
+    """Return how far a push of 1 m/s moves the actors."""
     begin = torch.zeros_like(roots)
     begin[:, 2], begin[:, 6], begin[:, 7] = 0.1, 1.0, 1.0
     GYM.set_actor_root_state_tensor(sim, gymtorch.unwrap_tensor(begin))
@@ -268,7 +268,7 @@ def test_friction_and_mass_count_at_any_time(device: wp.Device) -> None:
 
 
 def test_friction_counts_at_any_time_in_a_single_environment(device: wp.Device) -> None:
-    """Which MuJoCo itself steps on a CPU."""
+    """MuJoCo itself steps a single environment on a CPU."""
     sim = resting(device, 1)
     GYM.prepare_sim(sim)
     roots, far = wrapped(GYM.acquire_actor_root_state_tensor(sim)), {}

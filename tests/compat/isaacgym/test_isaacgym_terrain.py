@@ -92,7 +92,7 @@ def test_heights_are_seen_where_their_triangles_are(device: wp.Device, layout: s
 @pytest.mark.parametrize("made_of", ["heights", "triangles"])
 @pytest.mark.parametrize("count", [1, 2], ids=["MuJoCo", "MuJoCo-Warp"])
 def test_a_ball_rests_in_a_ditch(device: wp.Device, count: int, made_of: str) -> None:
-    """Which the hull of the terrain would close."""
+    """The ball lies in a ditch that the hull of the terrain would close."""
     sim = new_sim(device, dt=0.01, substeps=2)
     if made_of == "heights":
         samples = np.repeat(100 * np.abs(np.arange(9) - 4), 6).astype(np.int16)  # along y, its sides rise by 1
@@ -120,7 +120,7 @@ def test_a_ball_rests_in_a_ditch(device: wp.Device, count: int, made_of: str) ->
 
 
 def upright(samples: np.ndarray, threshold: int) -> tuple[np.ndarray, np.ndarray]:
-    """As legged_gym has them: vertices below and above a steep slope stand over one another."""
+    """Build upright walls as legged_gym has them: vertices below and above a steep slope stand over one another."""
     vertices, triangles = triangles_of(samples)
     steep_x, steep_y = (np.diff(samples.astype(int), axis=axis) for axis in range(2))
     move_x, move_y, corner = (np.zeros(samples.shape, int) for _ in range(3))
@@ -138,7 +138,7 @@ def upright(samples: np.ndarray, threshold: int) -> tuple[np.ndarray, np.ndarray
 
 @pytest.mark.parametrize("walls", [False, True])
 def test_what_collides_can_be_seen(device: wp.Device, walls: bool) -> None:
-    """Of triangles on a grid the same surface, as heights; but for upright walls, which are slopes of a step."""
+    """Triangles on a grid show the surface of their heights, except for upright walls, which are slopes of a step."""
     block = np.zeros(SAMPLES.shape, int)
     block[5:9, 2:5] = 160
     vertices, triangles = upright(block, 100) if walls else triangles_of(SAMPLES)
@@ -176,7 +176,7 @@ def test_heights_are_found_in_triangles() -> None:
 
 
 def test_heights_are_found_far_from_the_first_ones() -> None:
-    """Where steps of single precision differ, so that one of them does not tell how many there are."""
+    """Steps of single precision differ, so that one of them does not tell how many there are."""
     samples = np.zeros((12, 4000), int)
     samples[3:7, 2000:2003] = 60
     found = heights_of(*upright(samples, 20))
@@ -244,7 +244,7 @@ def test_heights_seen_from_above_are_those_of_the_highest_triangles() -> None:
 
 
 def test_upright_triangles_are_no_taller_than_they_are() -> None:
-    """Where a wall goes across places, rounding alone says where in its triangles they are."""
+    """Rounding alone decides where in its triangles a wall lies that crosses places."""
     rng = np.random.default_rng(0)
     for wide in rng.uniform(0.05, 0.4, 20):
         along = rng.integers(0, 100, 600) * np.float32(0.05)

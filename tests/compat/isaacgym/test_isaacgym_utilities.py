@@ -1,4 +1,4 @@
-"""What stands beside Isaac Gym's calls in its package: command lines, rotations, rough ground, random properties."""
+"""Utilities beside Isaac Gym's calls in its package: command lines, rotations, rough ground, random properties."""
 # ruff: noqa: NPY002, as programs do
 
 import importlib
@@ -80,7 +80,7 @@ def test_rotations_are_those_of_scipy() -> None:
 
 
 def test_many_vectors_are_turned_by_each() -> None:
-    """As programs turn points about each of their robots."""
+    """Rotate points about each robot, as programs do."""
     points = V[None].repeat(6, 1, 1)
     turned = torch_utils.quat_apply(Q.repeat(1, 6), points)
     assert turned.shape == points.shape

@@ -320,7 +320,7 @@ def test_everything_is_in_focus(simulation: Any, caplog: Any) -> None:
 
 
 def test_a_camera_for_its_pose_alone(simulation: Any) -> None:
-    """As with Isaac Lab's own renderer, a camera need not have images."""
+    """A camera need not have images, as with Isaac Lab's own renderer."""
     images, renderer, data, output = frame(simulation, [])
     assert images == {} and output.info == {} and data.renderer is None
     renderer.reset(data, [1])

@@ -25,7 +25,7 @@ EYE, TARGET = (0.4, -2.5, 2.6), (0.0, 0.0, 0.6)
 
 @pytest.fixture
 def renderer_module(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """As it is imported where there is Isaac Lab."""
+    """Import the module with Isaac Lab."""
     for name in [name for name in sys.modules if name.startswith(("isaaclab", "warpcam.compat.isaaclab"))]:
         monkeypatch.delitem(sys.modules, name)
     parts: dict[str, dict[str, Any]] = {

@@ -190,7 +190,7 @@ def test_intrinsics_of_each_environment(lab: Lab) -> None:
 
 
 def test_colours_of_shapes_are_randomised_by_isaac_labs_own_event(lab: Lab) -> None:
-    """It goes by names of renderers, of which it knows those that read Newton's model."""
+    """Isaac Lab randomises by names of renderers, of which it knows those that read Newton's model."""
     from isaaclab.envs.mdp import randomize_visual_shape
     from isaaclab.managers import EventTermCfg, SceneEntityCfg
 

@@ -135,7 +135,7 @@ def test_where_no_light_falls_there_is_still_some(device: wp.Device, monkeypatch
 
 
 def test_without_a_distant_light_it_is_lit_from_the_camera(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As the cube in a hand is."""
+    """The cube in a hand is a scene without a distant light."""
     model, stage = wall(device, (0, 245, 245)), stage_with(("DomeLight", 2000.0))
     close(Eye(model, [CONSTANT], stage, monkeypatch).middle(CONSTANT), (153, 153, 153), 1)
     for each in (stage, None):

@@ -1,4 +1,4 @@
-"""What ``mujoco.Renderer`` does not take, ours does not either: an error of the same kind."""
+"""Errors of bad input: ``mujoco.Renderer`` and ours raise the same kind."""
 
 import mujoco
 import numpy as np

@@ -61,7 +61,7 @@ def test_installed_it_is_what_packages_make(device: wp.Device, monkeypatch: pyte
 
 
 def test_installed_it_reads_again_what_is_uploaded(device: wp.Device) -> None:
-    """As MuJoCo Playground does with a height field of its own, in ``render_array``."""
+    """Upload as MuJoCo Playground does with a height field of its own, in ``render_array``."""
     model, data = made("""
         <mujoco>
           <asset><hfield name="hills" nrow="4" ncol="4" size="2 2 1 .1"/></asset>

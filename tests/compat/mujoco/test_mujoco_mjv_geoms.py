@@ -1,4 +1,4 @@
-"""What stands in MuJoCo's abstract scene beside the model, as ``mujoco.Renderer`` shows it."""
+"""Geoms of MuJoCo's abstract scene beside the model, as ``mujoco.Renderer`` shows them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ WIDTH, HEIGHT = 96, 72
 
 @dataclass
 class Pair:
-    """The same scene in two renderers: MuJoCo's own, where there is a library for it, and ours."""
+    """One scene in two renderers: MuJoCo's own, if there is a library for it, and ours."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -37,7 +37,7 @@ class Pair:
         return theirs, own
 
     def check(self, write: Callable[[mujoco.MjvScene], None], least: float = 0.002, most: float = 0.004) -> None:
-        """What is written changes the picture, and both pictures are alike."""
+        """Check that a write changes the picture, and both pictures are alike."""
         plain, _ = self.pictures()
         theirs, own = self.pictures(write)
         assert differ(plain, theirs) > least, "there is nothing to be seen of it"
@@ -166,7 +166,7 @@ def test_what_has_no_id_is_left_out_of_depth_and_ids(pair: Pair) -> None:
 
 
 def test_what_shares_an_id_is_called_like_the_last(pair: Pair) -> None:
-    """As a geom that was never given one, in memory that nobody has written to: its id is 0."""
+    """A geom that was never given an id, in memory that nobody has written to, has id 0."""
 
     def write(scene: mujoco.MjvScene) -> None:
         add(scene, GEOM.mjGEOM_SPHERE, (0.3, 0, 0), (0, 0, 0.8), segid=0, objid=3, objtype=2)

@@ -1,4 +1,4 @@
-"""How MuJoCo's abstract scene is read."""
+"""Reading of MuJoCo's abstract scene."""
 
 import copy
 import itertools
@@ -36,7 +36,7 @@ def ours(model: mujoco.MjModel, device: wp.Device) -> Renderer:
 
 
 def test_all_fields_of_geoms_and_lights_are_read() -> None:
-    """Those that this version of MuJoCo has; bytes of others may follow on one that is a byte."""
+    """All fields of this version of MuJoCo are read; other bytes may follow a field of one byte."""
     model, data = made()
     with Renderer(model, 48, 64, device="cpu") as renderer:
         renderer.update_scene(data, "fixed")
@@ -57,7 +57,7 @@ def test_all_fields_of_geoms_and_lights_are_read() -> None:
 
 
 def test_what_is_written_is_seen_as_another() -> None:
-    """Of the first, of one between and of the last."""
+    """Write to the first geom, to one between and to the last."""
     model, data = made()
     with Renderer(model, 48, 64, device="cpu") as renderer:
         renderer.update_scene(data, "fixed")

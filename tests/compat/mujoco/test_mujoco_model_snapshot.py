@@ -51,7 +51,7 @@ def test_what_is_written_to_the_model_is_seen_at_the_next_update(device: wp.Devi
 
 
 def test_geoms_of_another_look_are_added(device: wp.Device) -> None:
-    """As videos of several environments are made, each with colours of its own."""
+    """Add geoms as videos of several environments do, each with colours of its own."""
     model, data = made()
     pictures = []
     for changed in (False, True):

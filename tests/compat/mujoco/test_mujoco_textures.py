@@ -86,7 +86,7 @@ def all_shapes() -> str:
 
 
 def shares(painted: np.ndarray, seen: np.ndarray, ids: np.ndarray) -> dict[int, float]:
-    """Of each shape's pixels those that differ, by its id."""
+    """Return, for each shape's id, the part of its pixels that differ."""
     wrong = ~near(painted, seen)
     return {int(shape): float(wrong[ids == shape].mean()) for shape in np.unique(ids) if shape >= 0}
 

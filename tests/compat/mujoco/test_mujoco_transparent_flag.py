@@ -1,4 +1,4 @@
-"""What ``mjVIS_TRANSPARENT`` shows, as ``mujoco.Renderer`` shows it."""
+"""Images with ``mjVIS_TRANSPARENT``, as ``mujoco.Renderer`` shows them."""
 
 import mujoco
 import numpy as np

@@ -13,7 +13,7 @@ theirs = pytest.importorskip("mujoco.renderer_test", reason="this MuJoCo has no 
 
 
 def names() -> list[str]:
-    """Of those that make a renderer, and do nothing with OpenGL besides."""
+    """Return the names of those that make a renderer, and do nothing with OpenGL besides."""
     case = theirs.MuJoCoRendererTest
     sources = {name: inspect.getsource(getattr(case, name)) for name in dir(case) if name.startswith("test")}
     return [name for name, text in sources.items() if "mujoco.Renderer(" in text and "mujoco.GLContext" not in text]

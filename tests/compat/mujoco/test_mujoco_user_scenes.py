@@ -107,7 +107,7 @@ def kept() -> dict[str, Renderer]:
 
 @pytest.fixture
 def ours(device: wp.Device, kept: dict[str, Renderer]) -> Renderer:
-    """One that never had a state."""
+    """Make a renderer that never had a state."""
     if device.alias not in kept:
         kept[device.alias] = Renderer(stated()[0], HEIGHT, WIDTH, device=device)
     return kept[device.alias]
@@ -145,7 +145,7 @@ def test_what_a_program_filled_in_is_drawn(ours: Renderer, judge: Any, way: str)
 
 @pytest.mark.parametrize("way", [way for way, given in WAYS.items() if given.keys() <= {"option", "camera"}])
 def test_it_is_as_update_scene_draws_it(ours: Renderer, device: wp.Device, way: str) -> None:
-    """Where that can be asked for the same."""
+    """Compare with update_scene() where both can draw the scene."""
     given, data = WAYS[way], stated()[1]
     fill(ours, data, **given)
     with Renderer(ours.model, HEIGHT, WIDTH, device=device) as other:

@@ -218,7 +218,7 @@ def test_pixels_of_the_background_are_those_of_the_context(mjm: mujoco.MjModel, 
 
 
 def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.Device) -> None:
-    """As MuJoCo-Warp has it: a number is that group alone, where MuJoCo's renderer takes those beyond for 0 or 5."""
+    """A number is that group alone, as in MuJoCo-Warp; MuJoCo's renderer takes those beyond for 0 or 5."""
     balls = "".join(
         f'<geom size=".2" pos="{0.5 * index - 1.0} 0 0" group="{group}"/>'
         for index, group in enumerate((0, 2, 5, 7, -1))

@@ -170,7 +170,7 @@ def test_textures_that_are_not_loaded_are_not_read(device: wp.Device, kind: Any,
 
 
 def test_it_stays_when_fewer_shapes_are_drawn(device: wp.Device) -> None:
-    """Of which some have materials of their own."""
+    """Some of the shapes have materials of their own."""
     builder = newton.ModelBuilder()
     for index in range(3):
         mesh = newton.Mesh.create_sphere(0.3, num_latitudes=5, num_longitudes=6, compute_inertia=False)
@@ -243,7 +243,7 @@ def test_what_cannot_be_is_named(device: wp.Device, settings: dict[str, Any], me
 
 
 def test_newtons_own_pictures(device: wp.Device) -> None:
-    """Those that its tests compare its older camera with, on a GPU alone."""
+    """Compare with the pictures that Newton's tests compare its older camera with, on a GPU alone."""
     tests = pytest.importorskip("newton.tests.test_sensor_tiled_camera", reason="this version's wheel has no tests")
     folder = Path(tests.__file__).parent / "golden_data" / "test_sensor_tiled_camera"
     if not hasattr(tests.TestSensorTiledCamera, "_render_checkerboard_projection"):

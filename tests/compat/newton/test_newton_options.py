@@ -1,4 +1,4 @@
-"""What of a model Newton's settings have drawn, and its sides, beside Newton's own camera."""
+"""Parts of a model that Newton's settings have drawn, and their sides, beside Newton's own camera."""
 
 import gc
 import weakref
@@ -186,7 +186,7 @@ def test_what_is_seen_from_one_side_casts_shadows_from_both(device: wp.Device, d
 
 
 def test_a_cone_does_not_shade_itself_where_light_falls(device: wp.Device) -> None:
-    """It is convex: what faces the light is lit."""
+    """A cone is convex: its sides that face the light are lit."""
     builder = newton.ModelBuilder()
     builder.add_shape_cone(-1, radius=0.4, half_height=0.6, xform=pose(0.0, 0.0, 0.5))
     model, state = newton_scenes.finalize(builder, device)
@@ -261,7 +261,7 @@ def test_what_is_captured_stays_as_it_was(device: wp.Device, monkeypatch: pytest
 def test_a_scene_that_cannot_be_made_is_made_when_it_is_asked_for_again(
     device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As when memory is short, of which the images of the scene before take none then."""
+    """The scene cannot be made while memory is short; the images of the scene before take none then."""
     model, state = newton_scenes.finalize(worlds_and_all(), device)
     sensor = SensorCamera(model)
     seen_by(sensor, state)
@@ -290,7 +290,7 @@ def test_an_unknown_mode_is_named(device: wp.Device) -> None:
 @pytest.mark.parametrize("colored", [False, True])
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (0.8, 1.0, 1.9), (-1.0, 1.2, 0.5)])
 def test_smooth_meshes_have_newtons_normals(device: wp.Device, scale: Any, colored: bool) -> None:
-    """Those that light takes, also where a mesh is scaled unevenly."""
+    """Normals are those that light takes, also if a mesh is scaled unevenly."""
     builder = newton.ModelBuilder()
     mesh = newton.Mesh.create_sphere(0.6, num_latitudes=7, num_longitudes=9, compute_inertia=False)
     builder.add_shape_mesh(-1, mesh=mesh, scale=scale, xform=pose(-0.5, 0.0, 0.6, (0.3, 0.2, 0.1, 1.0)))

@@ -379,7 +379,7 @@ def test_wide_and_distorted_rays_are_newtons_own(worlds: tuple[Any, Any], helper
 
 
 def test_a_camera_within_a_solid_sees_out(device: wp.Device) -> None:
-    """Where Newton's own sees its inside, but for cones and meshes."""
+    """Newton's own camera sees the inside of solids, except for cones and meshes."""
     seen = {}
     for kind, add in (
         ("box", lambda builder: builder.add_shape_box(-1, hx=1.0, hy=1.0, hz=1.0)),

@@ -166,7 +166,7 @@ def test_limits_that_a_capture_writes_are_not_taken_for_others(
 
 
 def test_a_cloud_may_be_left_out_and_seen_by_other_renderers(device: wp.Device) -> None:
-    """One that is in all worlds; those of the user's own need no update before them."""
+    """One cloud is in all worlds; the user's own clouds need no update before them."""
     builder = newton.ModelBuilder()
     source = gaussians(np.zeros((1, 3)), np.ones((1, 3)), scales=np.full(1, 0.5), opacities=0.9)
     builder.add_shape_gaussian(-1, gaussian=source)

@@ -90,7 +90,7 @@ def needs_its_own_context() -> None:
 
 
 def by_its_own_context(sim: Any, look: Callable[[Any], Any], **quality: int) -> Any:
-    """What ``look`` makes of robosuite's own context, which is made with that quality and does not outlast it."""
+    """Return what ``look`` makes of robosuite's own context of that quality, which does not outlast it."""
     from robosuite.utils import binding_utils
 
     mine, settings = sim._render_context_offscreen, sim.model.vis.quality
@@ -136,7 +136,7 @@ def moved(view: Any, right: float, up: float) -> Any:
 
 
 def compare_depths(theirs: Any, mine: Any) -> None:
-    """What every camera's buffers hold, and the metres of that, where nothing has an edge."""
+    """Compare the depth buffers of all cameras, and their metres, away from edges."""
     model = mine.model
     near, far = (model.stat.extent * getattr(model.vis.map, name) for name in ("znear", "zfar"))
     for camera in range(model.ncam):
@@ -153,7 +153,7 @@ def compare_depths(theirs: Any, mine: Any) -> None:
 
 
 def test_depth_looks_through_what_is_transparent(installed: None) -> None:
-    """As the buffer that its own context reads: the bins have markers of where objects belong."""
+    """Depth is that of the buffer that robosuite's own context reads: the bins have markers of where objects belong."""
     env = make("PickPlaceMilk", camera_names="agentview", camera_heights=32, camera_widths=32)
     env.reset()
     context, marker = env.sim._render_context_offscreen, env.sim.model.geom_name2id("VisualMilk_g0")

@@ -67,7 +67,7 @@ FAKES = {alias: Fake(alias) for alias in ("cpu", "cuda:0", "cuda:1")}
 def test_one_answer_to_where(
     monkeypatch: pytest.MonkeyPatch, visible: str | None, egl: str | None, given: Any, asked: int, expected: str
 ) -> None:
-    """What robosuite asks of three places, one rule answers; variables of OpenGL change nothing."""
+    """One rule answers what robosuite asks of three places; variables of OpenGL change nothing."""
     set_variables(monkeypatch, visible, egl)
     monkeypatch.setattr(ours.device_rule, "resolve", resolved)
     monkeypatch.setattr(ours, "_chosen", [given])
@@ -146,7 +146,7 @@ def test_nothing_of_opengl(tmp_path: Any) -> None:
 def test_robosuite_1_4_is_imported_without_egl(
     monkeypatch: pytest.MonkeyPatch, there: str | None, variable: str, seen: str
 ) -> None:
-    """It would load EGL whatever ``MUJOCO_GL`` says, but for these two."""
+    """Without these two, robosuite 1.4 would load EGL whatever ``MUJOCO_GL`` says."""
     monkeypatch.setattr(ours, "find_library", {"EGL": there}.get)
     monkeypatch.setenv("MUJOCO_GL", variable)
     with ours._unguarded():

@@ -1,4 +1,4 @@
-"""What glTF files say of colours and textures beside the plain case: drawn, or told of."""
+"""Colours and textures of glTF files beside the plain case: drawn, or told of."""
 
 import base64
 import json
@@ -86,14 +86,14 @@ COLORS = {
 
 @pytest.mark.parametrize("kind", COLORS)
 def test_colours_of_corners(kind: str, tmp_path: Path, device: wp.Device) -> None:
-    """They are linear, also without a material; 16 bits are misread there, see below."""
+    """Vertex colours are linear, also without a material; 16 bits are misread there, see below."""
     for material in ({}, None) if kind != "words" else ({},):
         found = shown(write(tmp_path, COLORS[kind], material), device)
         np.testing.assert_allclose(found, np.tile((HALF, 0, 0), (4, 1)), atol=1)
 
 
 def test_colours_of_corners_are_a_factor(tmp_path: Path, device: wp.Device) -> None:
-    """Of the base colour, and, where all are alike, of its texture."""
+    """Vertex colours multiply the base colour, and, if all are alike, its texture."""
     dark = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}
     found = shown(write(tmp_path, even((1, 1, 0)), dark), device)
     np.testing.assert_allclose(found, np.tile((HALF, 255, 0), (4, 1)), atol=1)

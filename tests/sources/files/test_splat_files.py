@@ -48,7 +48,7 @@ def stage_of(cloud: Any, matrix: np.ndarray, degree: int = 1, half: bool = False
 
 
 def write_ply(path: Path, cloud: Any, form: str) -> None:
-    """As training writes it: logarithms of scales, logits of opacities."""
+    """Write a file as training does: logarithms of scales, logits of opacities."""
     opacities = np.clip(cloud.opacities.astype(np.float64), 1e-6, 1.0 - 1e-6)
     columns = {
         **dict(zip("xyz", cloud.positions.T, strict=True)),

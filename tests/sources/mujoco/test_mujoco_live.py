@@ -1,4 +1,4 @@
-"""What of a model that MuJoCo's own renderer follows is seen at the next render of ``from_mujoco``."""
+"""Changes of a model that MuJoCo's own renderer follows are seen at the next render of ``from_mujoco``."""
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ MODEL = """
 
 
 def colors(device: wp.Device, changed: object) -> list[set[tuple[int, ...]]]:
-    """Of the pixels before and after a change of the model."""
+    """Return the pixels' colours before and after a change of the model."""
     model = mujoco.MjModel.from_xml_string(MODEL)
     data = scenes.forward(model)
     scene = wc.from_mujoco(model, [data, data], device=device)

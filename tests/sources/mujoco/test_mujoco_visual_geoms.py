@@ -226,7 +226,7 @@ def test_normals_where_a_texture_does_not_show(device: wp.Device) -> None:
 
 
 def test_texture_coordinates_may_be_fewer_than_vertices(device: wp.Device) -> None:
-    """As where elements share them: each triangle shows the same picture."""
+    """Elements may share texture coordinates: each triangle shows the same picture."""
     corners = "-.5 -.5 0 .5 -.5 0 .5 .5 0 -.5 .5 0"
     cloth = f'''<deformable><flex name="soft" dim="2" radius=".02" body="world" material="checks" rgba=".5 .5 .5 1"
       vertex="{corners}" element="0 1 2 2 3 0" texcoord="0 0 1 0 1 1" elemtexcoord="0 1 2 0 1 2"/></deformable>'''
@@ -260,7 +260,7 @@ def test_a_world_is_moved_in_place(device: wp.Device) -> None:
 
 
 def test_arrays_that_are_replaced_are_read(device: wp.Device) -> None:
-    """As mjlab does it: a field gets rows for each world after the scene was made."""
+    """Give a field rows for each world after the scene was made, as mjlab does."""
     mjm = scenes.compile_xml('<geom size=".4" rgba="1 0 0 1"/><site size=".1" pos=".9 0 0" rgba="0 1 0 1"/>')
     m, d = scenes.put(mjm, 2)
     camera = scenes.own_camera(position=(0.0, 0.0, 3.0), outputs=("albedo", "segmentation"))

@@ -38,7 +38,7 @@ def newtons_albedo(
 
 
 def alike(model: "newton.Model", state: "newton.State", scene: wc.Scene, camera: wc.Camera) -> np.ndarray:
-    """Where the albedo of what is seen is the same, but for the filtering of textures."""
+    """Return where the albedo of visible surfaces is the same, but for the filtering of textures."""
     seen = scenes.look(scene, camera)
     there = seen["segmentation"] != -1
     return np.abs(seen["albedo"].astype(int) - newtons_albedo(model, state, camera)).max(axis=-1)[there] <= 30

@@ -48,7 +48,7 @@ def scene_of(worlds: int, device: wp.Device) -> tuple[Any, Any]:
 
 
 def alone(kind: str, device: wp.Device) -> Any:
-    """The same with nothing but one of the variants."""
+    """Build the model with one of the variants alone."""
     builder = newton.ModelBuilder()
     builder.add_shape_box(-1, xform=pose(1.0, 0.0, 0.8), hx=0.1, hy=0.1, hz=0.6)
     builder.add_builder(variant(kind), xform=pose(-0.2, 0.0, 0.8, (0.3, 0.1, 0.2, 1.0)))

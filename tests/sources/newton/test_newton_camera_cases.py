@@ -1,4 +1,4 @@
-"""What Newton tests of its own camera, as tests of ours."""
+"""Cases of Newton's own tests of its camera, as tests of ours."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -184,7 +184,7 @@ def test_what_is_wholly_transparent_hides_nothing(device: wp.Device) -> None:
 
 @pytest.mark.parametrize("down", [False, True])
 def test_an_open_mesh_casts_a_shadow_whichever_side_is_lit(device: wp.Device, down: bool) -> None:
-    """As in Newton's camera, where a ray to a light meets both sides of all meshes."""
+    """A ray to a light meets both sides of all meshes, as in Newton's camera."""
     corners = np.float32(((-0.4, -0.3, 0.0), (0.4, -0.3, 0.0), (0.0, 0.5, 0.0)))
     builder = newton.ModelBuilder()
     builder.add_ground_plane()

@@ -38,7 +38,7 @@ def waved(state: "newton.State", world: int, size: float) -> "newton.State":
 
 
 def as_meshes(model: "newton.Model", state: "newton.State", device: wp.Device) -> wc.Scene:
-    """The same as meshes that never move, seen from both sides, and spheres."""
+    """Build meshes that never move, seen from both sides, and spheres."""
     points, faces = state.particle_q.numpy(), model.tri_indices.numpy().reshape(-1, 3)
     worlds, bound = model.particle_world.numpy(), np.unique(model.tri_indices.numpy())
     inside = np.unique(model.tet_indices.numpy())

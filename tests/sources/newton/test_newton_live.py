@@ -1,4 +1,4 @@
-"""What is live in Newton's scenes: states, arrays that are written in place, cameras on bodies."""
+"""Live parts of Newton's scenes: states, arrays that are written in place, cameras on bodies."""
 
 from typing import Any
 
@@ -120,7 +120,7 @@ def test_a_camera_rides_on_a_body_of_each_world(device: wp.Device, prefix: str) 
 @pytest.mark.parametrize("prefix", ["", "env_"])
 @pytest.mark.parametrize("more", [(0, 1), (1, 0)])
 def test_a_camera_rides_on_one_robot_beside_other_things(device: wp.Device, prefix: str, more: tuple[int, int]) -> None:
-    """Where only one world has a thing beside the robot, labels of the other begin with more that is alike."""
+    """The labels of one world begin with more that is alike if only the other has a thing beside the robot."""
     builder = newton.ModelBuilder()
     for world, things in enumerate(more):
         part = newton.ModelBuilder()

@@ -34,7 +34,7 @@ MODELS = (
 
 
 def both(file: Path, folder: Path, device: wp.Device) -> tuple[mujoco.MjModel, Any, Any]:
-    """The same file as MuJoCo and as Newton read it, each geom named and floors endless, as Newton has them."""
+    """Read one file as MuJoCo and as Newton do, each geom named and floors infinite, as Newton has them."""
     spec = mujoco.MjSpec.from_file(str(file))
     spec.compile()
     for index, geom in enumerate(spec.geoms):

@@ -58,7 +58,10 @@ def test_bad_arguments(device: wp.Device, arguments: Any, message: str) -> None:
 
 @pytest.mark.parametrize("what", ["bodies", "particles", "joint coordinates", "joint degrees of freedom"])
 def test_a_state_of_another_model_is_refused_by_what_it_has(device: wp.Device, what: str) -> None:
-    """As many of all else. A state keeps no link to its model: one that has as many of everything cannot be told."""
+    """The other model has as many of all else.
+
+    A state keeps no link to its model: one that has as many of everything cannot be told.
+    """
 
     def made(other: bool) -> tuple[Any, Any]:
         builder = newton.ModelBuilder()

@@ -121,7 +121,7 @@ def test_visibility_and_purpose(stage: Usd.Stage, device: wp.Device) -> None:
 
 
 def test_cameras_see_as_usd_says(stage: Usd.Stage, device: wp.Device) -> None:
-    """Where a point lands, by the definition of the aperture; pixels are square, the width decides."""
+    """Points land as the definition of the aperture says; pixels are square, the width decides."""
     point = np.array((0.35, -0.2, -4.0))
     sphere = UsdGeom.Sphere.Define(stage, "/dot")
     sphere.CreateRadiusAttr(0.02)
@@ -165,7 +165,7 @@ def test_camera_clipping_and_orthographic_cameras(device: wp.Device) -> None:
 
 @pytest.mark.parametrize("shape", [(60, 40), (40, 40), (20, 40)])
 def test_orthographic_cameras_see_as_usd_says(shape: tuple[int, int], device: wp.Device) -> None:
-    """As wide as their horizontal aperture, about its offset."""
+    """The view is as wide as the horizontal aperture, about its offset."""
     stage = metric(Usd.Stage.CreateInMemory(), 0.01)
     add_square(stage, "/it", z=-100.0, half=10.0)
     camera = UsdGeom.Camera.Define(stage, "/cam")

@@ -132,7 +132,7 @@ WARNINGS: dict[str, str] = {
 
 @pytest.mark.parametrize("text", WARNINGS)
 def test_warnings(text: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    """What can be drawn is."""
+    """A scene with warnings is drawn as far as possible."""
     path = written(tmp_path / "it.usda", SQUARE + "\n" + WARNINGS[text])
     scene = wc.from_usd(path, device="cpu")
     assert "/it" in scene.shapes

@@ -44,7 +44,7 @@ ALONG = {
 
 
 def judge(path: Path) -> Any:
-    """All that should be visible as one mesh, in metres, z up."""
+    """Return all that should be visible as one mesh, in metres, z up."""
     stage = Usd.Stage.Open(str(path))
     time = Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.EarliestTime()
     cache = UsdGeom.XformCache(time)

@@ -54,7 +54,7 @@ def test_poses_of_many_worlds(stage: Usd.Stage, device: wp.Device) -> None:
 
 
 def test_what_resets_its_stack_of_frames_stays_where_it_is(stage: Usd.Stage, device: wp.Device) -> None:
-    """As links of robots do that are rigid bodies below one another."""
+    """Links of robots that are rigid bodies below one another reset their stack of frames."""
     UsdGeom.Xform.Define(stage, "/robot")
     add_square(stage, "/robot/base")
     link = UsdGeom.Xform.Define(stage, "/robot/link")

@@ -37,7 +37,7 @@ def PointInstancer "trees" {{
 
 @pytest.mark.parametrize("specifier", ["class", "over", "def"])
 def test_prototypes_of_a_library(specifier: str, device: wp.Device) -> None:
-    """What is a class or an over is drawn by its instances alone."""
+    """Classes and overs are drawn by their instances alone."""
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().ImportFromString(TWO.format(unit='metersPerUnit = 1\nupAxis = "Z"', specifier=specifier))
     depth = image(wc.from_usd(stage, device=device))
@@ -87,7 +87,7 @@ def test_a_prototypes_own_colour_counts(device: wp.Device) -> None:
 
 
 def test_instances_of_instances(device: wp.Device) -> None:
-    """What the inner ones say counts before what the outer ones do, and of these nothing is left afterwards."""
+    """Opinions of inner instances count before those of outer ones, of which nothing is left afterwards."""
     stage = metric(Usd.Stage.CreateInMemory())
     outer = UsdGeom.PointInstancer.Define(stage, "/outer")
     inner = UsdGeom.PointInstancer.Define(stage, "/outer/inner")

@@ -80,7 +80,7 @@ def test_wrap_modes(stage: Usd.Stage, tmp_path: Path, wrap: str, device: wp.Devi
     seen = albedo(wc.from_usd(stage, device=device))
 
     def place(x: float) -> int | None:
-        """Which half of the image, from the left or from below."""
+        """Return which half of the image is shown, from the left or from below."""
         if wrap == "mirror":
             x = x % 2.0
             x = 2.0 - x if x > 1.0 else x

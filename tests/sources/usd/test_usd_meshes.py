@@ -84,7 +84,7 @@ def test_normals_of_every_interpolation(stage: Usd.Stage, how: str, primvar: boo
 
 
 def test_normals_under_a_stretch(stage: Usd.Stage, device: wp.Device) -> None:
-    """They stay square to the surface: here of a slope that is stretched."""
+    """Normals stay square to the surface: here of a slope that is stretched."""
     mesh = add_mesh(stage, "/it", [(-1, -1, -1), (1, -1, 1), (1, 1, 1), (-1, 1, -1)], [(0, 1, 2, 3)])
     mesh.CreateNormalsAttr([(-1, 0, 1)] * 4)
     mesh.SetNormalsInterpolation("vertex")

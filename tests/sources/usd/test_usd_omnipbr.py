@@ -34,7 +34,7 @@ def omni_look(stage: Usd.Stage, device: wp.Device, **inputs: Any) -> tuple[wc.Sc
 
 
 def test_omnipbr_packs_occlusion_roughness_and_metalness(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
-    """As far as the influences let them; 0 unless they are given."""
+    """Packed textures count as far as the influences let them; 0 unless they are given."""
     file = str(save_image(tmp_path / "orm.png", np.array([[[51, 102, 255]]], np.uint8)))
     inputs: dict[str, Any] = {"ORM_texture": file, "enable_ORM_texture": True, "reflection_roughness_constant": 0.9}
     scene, look = omni_look(stage, device, **inputs)

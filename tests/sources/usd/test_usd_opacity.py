@@ -54,7 +54,7 @@ def look(scene: wc.Scene, world: int = 0, **more: Any) -> dict[str, np.ndarray]:
 
 
 def of(name: str, stage: Usd.Stage, device: wp.Device, opacity: float) -> dict[str, np.ndarray]:
-    """The same stage with one opacity for all of a material."""
+    """Build the stage with one opacity for all of a material."""
     given = UsdShade.Shader.Get(stage, f"{name}/surface").GetInput("opacity")
     sources = given.GetConnectedSources()[0]
     given.DisconnectSource()

@@ -90,7 +90,7 @@ def test_widths_along_a_curve(stage: Usd.Stage, device: wp.Device) -> None:
 @pytest.mark.parametrize("basis", list(BASES))
 @pytest.mark.parametrize("wrap", ["nonperiodic", "periodic", "pinned"])
 def test_curves_run_as_usd_says(basis: str, wrap: str) -> None:
-    """Where they start, and with what tangent: from the definitions of the bases."""
+    """Curves start where, and with the tangent that, the definitions of the bases say."""
     points = np.random.default_rng(0).normal(size=(9 if wrap == "periodic" else 10, 3))
     path = Curve(len(points), basis, wrap).at(points, 64)
     first = {"bezier": points[0], "bspline": (points[0] + 4 * points[1] + points[2]) / 6, "catmullRom": points[1]}
