@@ -18,7 +18,7 @@ from warpcam.textures.pack import TextureImage, pack_textures
     Vec3 shown = exact;
 #if defined(__CUDA_ARCH__)
     if (wp::index(textures.mips, 0))
-        shown = look_up(wp::index(textures.mips, 0), place[0], place[1], log2(step));
+        shown = look_up(wp::index(textures.mips, 0), place[0], place[1], ::log2f(step));
 #endif
     const Vec3 off = shown - exact;
     const float most = warpcam::max(warpcam::abs(off.x), warpcam::abs(off.y));
