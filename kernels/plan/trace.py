@@ -30,7 +30,7 @@ ARRAYS = {
     "normals": TraceFlag.NORMAL,
 }
 LABELS = {"instances": TraceFlag.INSTANCES, "semantics": TraceFlag.SEMANTICS}
-LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/trace_tile.h, ShapeList
+LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/shape_list.h, ShapeList
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
 MOVING_BLOCKS = 6  # and where meshes move: native/accel/bvh4.h, faces_together

@@ -1,6 +1,6 @@
 // Arithmetic on vectors, and functions that are quick on a GPU: about two units in the last place.
 #pragma once
-#include "core/platform.h"
+#include "core/warp.h"
 
 namespace warpcam {
 

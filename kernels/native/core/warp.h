@@ -1,0 +1,104 @@
+// Warps and blocks of CUDA, and what takes their place in a CPU thread: barriers, reductions, appending.
+#pragma once
+#include "core/platform.h"
+
+namespace warpcam {
+
+// A place in a shared list of so many, which it makes longer by one.
+WARPCAM_DEVICE int atomic_append(int& count)
+{
+#if defined(__CUDA_ARCH__)
+    return atomicAdd(&count, 1);
+#else
+    return count++;
+#endif
+}
+
+// Returns the object in shared memory by an address that stays in a register: the compiler computes a variable's own
+// address anew at each use, in three or four instructions. For whole warps.
+template <class Shared> WARPCAM_DEVICE Shared& keep_shared_address(Shared& shared)
+{
+#if defined(__CUDA_ARCH__)
+    const unsigned address = __shfl_sync(FULL_WARP, static_cast<unsigned>(__cvta_generic_to_shared(&shared)), 0);
+    return *static_cast<Shared*>(__cvta_shared_to_generic(address));
+#else
+    return shared;
+#endif
+}
+
+// A number that all lanes of a warp have, which then stays in a uniform register. For whole warps.
+WARPCAM_DEVICE int warp_uniform(int number)
+{
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(FULL_WARP, number, 0);
+#else
+    return number;
+#endif
+}
+
+#if defined(__CUDA_ARCH__)
+// The sum of all lanes' numbers.
+WARPCAM_DEVICE int warp_reduce_add(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_add_sync(FULL_WARP, number);
+#else
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number += __shfl_xor_sync(FULL_WARP, number, step);
+    return number;
+#endif
+}
+
+// The least of them.
+WARPCAM_DEVICE int warp_reduce_min(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_min_sync(FULL_WARP, number);
+#else
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number = min(number, __shfl_xor_sync(FULL_WARP, number, step));
+    return number;
+#endif
+}
+#endif
+
+WARPCAM_DEVICE void block_sync()
+{
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+}
+
+WARPCAM_DEVICE void warp_sync()
+{
+#if defined(__CUDA_ARCH__)
+    __syncwarp();
+#endif
+}
+
+// For a team of so many threads: a block, or one of its warps.
+template <int WARP_OR_ONE> WARPCAM_DEVICE void team_barrier()
+{
+    if constexpr (WARP_OR_ONE == THREADS)
+        block_sync();
+    else
+        warp_sync();
+}
+
+#if defined(__CUDA_ARCH__)
+// Barriers for some warps of a block, so many threads in all: those that wait, and those that say that they were there.
+enum Barrier { FIRST_WARPS = 1, SHAPES_SORTED, MOTIONS_THERE };
+
+template <Barrier NUMBER, int COUNT> WARPCAM_DEVICE void named_barrier_sync()
+{
+    __syncwarp();
+    asm volatile("bar.sync %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
+}
+template <Barrier NUMBER, int COUNT> WARPCAM_DEVICE void named_barrier_arrive()
+{
+    __syncwarp();
+    asm volatile("bar.arrive %0, %1;" ::"n"(int(NUMBER)), "n"(COUNT) : "memory");
+}
+#endif
+
+}  // namespace warpcam
