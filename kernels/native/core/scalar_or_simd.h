@@ -1,6 +1,6 @@
 // Types and helpers of functions that are written once, for one place and for a packet of eight on a CPU.
 //
-// Such a function is a template of its vectors: Vec with float, int and bool, or Vecs with Floats, Ints and Ints.
+// Such a function is a template of its vectors: Vec3 with float, int and bool, or Vec3x8 with Float8, Int8 and Int8.
 // Numbers that the eight share enter products as a Number: only then is the product added to without being rounded
 // first, in both.
 #pragma once
