@@ -9,8 +9,8 @@ from typing import Any
 import mujoco
 
 from warpcam.benchmarks import cabinet, procedural_scenes, scenes
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.outputs import OUTPUTS
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-"""Outputs that a camera can be asked for: see ``warpcam.camera.outputs``."""
+"""Outputs that a camera can be asked for: see ``warpcam.kernels.outputs``."""
 
-from warpcam.camera.outputs import OUTPUTS, Output
+from warpcam.kernels.outputs import OUTPUTS, Output
 
 __all__ = ["OUTPUTS", "Output"]

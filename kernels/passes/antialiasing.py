@@ -11,11 +11,16 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.plan.edges import EdgeKey, plan_edges
+from warpcam.kernels.outputs import OUTPUTS
+from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.trace_target import visible_fields
+from warpcam.kernels.plan.edges import EdgeKey
+from warpcam.kernels.plan.frame import PlannedPass
+from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.shading import LIT
 from warpcam.kernels.runtime.compile import native_module
-from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
-from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
 
 # Where samples lie in a pixel, right and down of its centre [pixels]: those of OpenGL's implementations.
@@ -23,30 +28,18 @@ from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
 SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
     4: ((-0.125, 0.375), (0.375, 0.125), (-0.375, -0.125), (0.125, -0.375)),
 }
-# The images whose edges can be smooth, with dtype and channels.
-IMAGES: Mapping[str, tuple[type, int]] = {"rgb": (wp.uint8, 3), "rgba": (wp.uint8, 4), "hdr": (wp.float32, 3)}
 
 
 @functools.cache
 def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """One camera's images in all worlds. Arrays that were not asked for are empty."""
-
-    @wp.struct
-    class SmoothTarget:
-        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-        depth: wp.array(dtype=wp.float32)  # (world * height * width,) planar depth in the pixels' centres [m]
-        shape: wp.array(dtype=shape_dtype)  # (world * height * width,) shape id there, negative where nothing is hit
-        face: wp.array(dtype=face_dtype)  # (world * height * width,) of a mesh, in leaf order; empty without meshes
-        rgb: wp.array(dtype=wp.uint8)  # (world * height * width * channels,) as lit, as the following
-        rgba: wp.array(dtype=wp.uint8)
-        hdr: wp.array(dtype=wp.float32)
-        smooth_rgb: wp.array(dtype=wp.uint8)  # written: the same with smooth edges
-        smooth_rgba: wp.array(dtype=wp.uint8)
-        smooth_hdr: wp.array(dtype=wp.float32)
-        width: wp.int32
-        height: wp.int32
-
-    return SmoothTarget
+    """Struct of one camera's images in all worlds. Arrays that were not asked for are empty."""
+    fields = {"mask": wp.array(dtype=wp.uint8)}  # (world,) 0 leaves the world's images alone
+    fields |= visible_fields(shape_dtype, face_dtype)  # in the pixels' centres
+    # (world * height * width * channels,) as lit
+    fields |= {name: wp.array(dtype=OUTPUTS[name].dtype) for name in LIT}
+    # written: the same with smooth edges
+    fields |= {f"smooth_{name}": wp.array(dtype=OUTPUTS[name].dtype) for name in LIT}
+    return make_struct("SmoothTarget", fields | {"width": wp.int32, "height": wp.int32})
 
 
 @functools.cache
@@ -86,46 +79,23 @@ def _kernel(key: EdgeKey, target_type: Any) -> wp.Kernel:
     return smooth_edges
 
 
-def bind(
-    images: Mapping[str, wp.array],
-    lit: Mapping[str, wp.array],
-    tables: SceneTables,
-    lens: str,
-    views: wp.array,
-    mask: wp.array,
-    depth: wp.array,
-    shape: wp.array,
-    face: wp.array,
-    device: wp.Device,
-    group: Group,
-) -> Stage:
+@register("smooth edges", needs=("depth", "shape", "face"))
+def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
     """Bind the stage that smooths the edges of one camera's images.
 
-    Args:
-        images: Those of ``IMAGES`` that are there, (world, height, width, channels); written.
-        lit: Likewise: the same with the colours of the pixels' centres; the same arrays where ``in_place()``.
-        tables: The scene.
-        lens: "pinhole" or "orthographic".
-        views: View, (world,).
-        mask: uint8, (world,); worlds with 0 are left alone.
-        depth: Planar depth in the pixels' centres [m], float32 (world, height, width, 1).
-        shape: Shape ids there, likewise, negative where nothing is hit. What is left out of it no sample hits.
-        face: Faces there, likewise, as the trace wrote them; empty if there are no meshes.
-        device: Where all of these lie.
-        group: Which worlds.
+    What is left out of the trace no sample hits.
     """
-    height, width = depth.shape[1:3]
-    target_type = _target_struct(shape.dtype, face.dtype)
+    tables, key = frame.tables, planned.key
+    shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
+    target_type = _target_struct(shape.dtype, dtype_of(face))
     target = target_type()
-    target.mask, target.width, target.height = mask, width, height
-    target.depth, target.shape = depth.flatten(), shape.flatten()
-    target.face = face.flatten()
-    for name in IMAGES:
-        if name in images:
-            setattr(target, name, flatten(lit[name]))
-            setattr(target, f"smooth_{name}", flatten(images[name]))
-    plan = plan_edges(tables, lens, width, height, tuple(images), shape.dtype is wp.int8, device, group)
-    kernel, unit, threads = _kernel(plan.key, target_type), plan.threads, plan.key.threads
-    arguments = [tables.shapes, tables.meshes, tables.height_fields, views, target]
-    start, count = group.worlds.start, len(group.worlds)
-    return bind_launch(kernel, count * unit, arguments, device, start=start * unit, block_dim=threads, key=plan.key)
+    target.mask, target.width, target.height = frame.mask, frame.width, frame.height
+    target.depth, target.shape = frame.get(planned, "depth"), shape
+    if face is not None:
+        target.face = face
+    for name in LIT:
+        if (image := frame.find(planned, f"smooth {name}")) is not None:
+            setattr(target, name, frame.get(planned, name))
+            setattr(target, f"smooth_{name}", image)
+    arguments = [tables.shapes, tables.meshes, tables.height_fields, frame.views, target]
+    return frame.launch(planned, _kernel(key, target_type), arguments, key.threads)

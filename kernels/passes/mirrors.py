@@ -13,14 +13,18 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.layers import LayerTables, Mirror
+from warpcam.kernels.layers import Mirror
+from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.closest_hit import closest_hit_kernel
+from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.views import is_finite
-from warpcam.kernels.plan.launches import THREADS
-from warpcam.kernels.plan.trace import MirrorKey, plan_mirror
-from warpcam.kernels.runtime.compile import compiler_flags, native_module
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
-from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import BOX, HeightFields, Materials, Meshes, Shapes, View
+from warpcam.kernels.plan.frame import PlannedPass
+from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.trace import MirrorKey
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage
+from warpcam.kernels.runtime.structs import make_struct
+from warpcam.kernels.types import BOX, Materials, Shapes, View
 
 wp.set_module_options(compiler_flags())
 
@@ -110,135 +114,51 @@ def write_mirrors(
 
 @functools.cache
 def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
-    """Arrays that the trace of the mirrored view reads and writes.
+    """Struct of the arrays that the trace of the mirrored view reads and writes. No image is mirrored.
 
-    Each image is (world * height * width,) and not mirrored.
+    ``shape`` is -2 where the mirror shows nothing and -1 where no mirror is seen; ``depth`` is from the mirrored view.
     """
-
-    @wp.struct
-    class MirrorTarget:
-        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-        faults: wp.array(dtype=wp.uint8)  # (world,) set to 1 where a pose or size is not a number
-        mirrors: wp.array(dtype=Mirror)  # (world,)
-        veil_places: wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
-        seen_depth: wp.array(dtype=wp.float32)  # planar depth of what the view itself sees [m]
-        seen_shape: wp.array(dtype=seen_dtype)  # shape id of it
-        depth: wp.array(dtype=wp.float32)  # planar depth of what is seen in the mirror, from the mirrored view [m]
-        shape: wp.array(dtype=shape_dtype)  # shape id, -2 where the mirror shows nothing, -1 where no mirror is seen
-        face: wp.array(dtype=face_dtype)  # as trace_target.target_struct has it; empty for a scene without meshes
-        width: wp.int32
-        height: wp.int32
-
-    return MirrorTarget
+    fields = {
+        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "mirrors": wp.array(dtype=Mirror),  # (world,)
+        "veil_places": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
+        "seen_depth": wp.array(dtype=wp.float32),  # planar depth of what the view itself sees [m]
+        "seen_shape": wp.array(dtype=seen_dtype),  # shape id of it
+    }
+    fields |= visible_fields(shape_dtype, face_dtype) | {"width": wp.int32, "height": wp.int32}
+    return make_struct("MirrorTarget", fields)
 
 
 @functools.cache
 def _kernel(key: MirrorKey, target_type: Any) -> wp.Kernel:
     types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
     flag, face = ("true" if key.several else "false"), ("true" if key.faces else "false")
-
-    @wp.func_native(
-        f"warpcam::draw_mirrored<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {face}>"
-        "(shapes, materials, meshes, fields, views, target, index);"
-    )
-    def draw(
-        shapes: Shapes,
-        materials: Materials,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        index: int,
-    ): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(THREADS, key.blocks),
-        module_options=native_module("shading_pass/mirror_visibility.h"),
-    )
-    def reflection(
-        shapes: Shapes,
-        materials: Materials,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        first: wp.int32,
-    ):
-        draw(shapes, materials, meshes, fields, views, target, first + wp.tid())
-
-    return reflection
+    function = f"draw_mirrored<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {face}>"
+    return closest_hit_kernel("shading_pass/mirror_visibility.h", function, key.blocks, target_type)
 
 
-def bind_mirrors(
-    tables: SceneTables,
-    layers: LayerTables,
-    views: wp.array,
-    mask: wp.array,
-    width: int,
-    mirrors: wp.array,
-    mirrored: wp.array,
-    device: wp.Device,
-    group: Group,
-) -> Stage:
-    """Bind the stage that finds each world's mirror and the view from behind it.
-
-    Args:
-        tables: The scene.
-        layers: What of it reflects.
-        views: View, (world,).
-        mask: uint8, (world,); worlds with 0 are left alone.
-        width: Of the image [pixels].
-        mirrors: Mirror, (world,); written.
-        mirrored: View, (world,); written where there is a mirror.
-        device: Where all of these lie.
-        group: Which worlds.
-    """
-    arguments = [
-        tables.shapes, tables.materials, layers.mirrors, layers.reflectance, mask, views, width, mirrors, mirrored
-    ]  # fmt: skip
-    return bind_launch(write_mirrors, len(group.worlds), arguments, device, start=group.worlds.start)
+@register("mirrors")
+def bind_mirrors(planned: PlannedPass, frame: CameraFrame) -> Stage:
+    """Bind the stage that finds each world's mirror, and writes the view from behind it where there is one."""
+    tables, layers = frame.tables, frame.tables.layers
+    arguments = [tables.shapes, tables.materials, layers.mirrors, layers.reflectance, frame.mask, frame.views]
+    return frame.launch(planned, write_mirrors, [*arguments, frame.width, frame.mirrors, frame.mirrored], BLOCK_DIM)
 
 
-def bind_trace(
-    tables: SceneTables,
-    layers: LayerTables,
-    lens: str,
-    mirrored: wp.array,
-    mirrors: wp.array,
-    mask: wp.array,
-    faults: wp.array,
-    seen_depth: wp.array,
-    seen_shape: wp.array,
-    depth: wp.array,
-    shape: wp.array,
-    face: wp.array | None,
-    width: int,
-    height: int,
-    device: wp.Device,
-    group: Group,
-) -> Stage:
+@register("trace in mirrors")
+def bind_trace(planned: PlannedPass, frame: CameraFrame) -> Stage:
     """Bind the trace of what one camera sees in mirrors; see ``_target_struct`` for the buffers."""
-    target_type = _target_struct(shape.dtype, wp.int32 if face is None else face.dtype, seen_shape.dtype)
+    tables = frame.tables
+    seen_shape, shape, face = frame.get(planned, "seen shape"), frame.get(planned, "shape"), frame.find(planned, "face")
+    target_type = _target_struct(shape.dtype, dtype_of(face), seen_shape.dtype)
     target = target_type()
-    target.mask, target.faults, target.mirrors = mask, faults, mirrors
-    target.veil_places = layers.transparent_index
-    target.seen_depth, target.seen_shape = seen_depth.flatten(), seen_shape.flatten()
-    target.depth, target.shape = depth.flatten(), shape.flatten()
+    target.mask, target.faults, target.mirrors = frame.mask, frame.faults, frame.mirrors
+    target.veil_places = tables.layers.transparent_index
+    target.seen_depth, target.seen_shape = frame.get(planned, "seen depth"), seen_shape
+    target.depth, target.shape = frame.get(planned, "depth"), shape
     if face is not None:
-        target.face = face.flatten()
-    target.width, target.height = width, height
-    plan = plan_mirror(tables, lens, width, height, face is not None, device, group)
-    kernel, unit = _kernel(plan.key, target_type), plan.threads
-    arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, mirrored, target]
-    return bind_launch(
-        kernel,
-        len(group.worlds) * unit,
-        arguments,
-        device,
-        start=group.worlds.start * unit,
-        block_dim=THREADS,
-        key=plan.key,
-    )
+        target.face = face
+    target.width, target.height = frame.width, frame.height
+    arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, frame.mirrored, target]
+    return frame.launch(planned, _kernel(planned.key, target_type), arguments)

@@ -5,31 +5,31 @@ from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.trace_target import visible_fields
+from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
-from warpcam.kernels.plan.shadow import ShadowKey, plan_shadow
+from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.runtime.compile import native_module
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
-from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import HeightFields, Lights, Materials, Meshes, Shapes, View
 
 
 @functools.cache
 def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """Arrays that the shadow kernel reads and writes, each (world * height * width,)."""
-
-    @wp.struct
-    class Shaded:
-        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-        depth: wp.array(dtype=wp.float32)  # planar depth [m]
-        shape: wp.array(dtype=shape_dtype)  # shape id, or -1
-        face: wp.array(dtype=face_dtype)  # see trace_target.target_struct; empty for a scene without meshes
-        # bit k is set where light k does not reach the point, of those that are kept: native/lights/active_lights.h
-        shadow: wp.array(dtype=wp.uint8)
-        width: wp.int32
-        height: wp.int32
-        plane: wp.int32  # id of a plane, or -1: native/shadow/plane_receiver_cull.h
-
-    return Shaded
+    """Struct of the arrays that the shadow kernel reads and writes."""
+    fields = {"mask": wp.array(dtype=wp.uint8)}  # (world,) 0 leaves the world's images alone
+    fields |= visible_fields(shape_dtype, face_dtype) | {
+        # (world * height * width,) bit k is set where light k does not reach the point, of those that are kept:
+        # native/lights/active_lights.h
+        "shadow": wp.array(dtype=wp.uint8),
+        "width": wp.int32,
+        "height": wp.int32,
+        "plane": wp.int32,  # id of a plane, or -1: native/shadow/plane_receiver_cull.h
+    }
+    return make_struct("Shaded", fields)
 
 
 @functools.cache
@@ -73,54 +73,18 @@ def _kernel(key: ShadowKey, target_type: Any) -> wp.Kernel:
     return shadow
 
 
-def bind(
-    tables: SceneTables,
-    lens: str,
-    views: wp.array,
-    mask: wp.array,
-    depth: wp.array,
-    shape: wp.array,
-    face: wp.array | None,
-    width: int,
-    height: int,
-    shadow: wp.array,
-    device: wp.Device,
-    group: Group | None = None,
-) -> Stage:
-    """Bind the shadow pass of one camera; it runs after the camera's trace.
-
-    Args:
-        tables: The scene.
-        lens: "pinhole" or "orthographic".
-        views: View, (world,).
-        mask: uint8, (world,); worlds with 0 are left alone.
-        depth: float32, (world, height, width, ...), as the trace wrote it.
-        shape: Shape ids, likewise.
-        face: Faces, likewise; only needed for scenes with meshes.
-        width: Image width [pixels].
-        height: Image height [pixels].
-        shadow: uint8, likewise; written.
-        device: Where all of these lie.
-        group: Which worlds are shaded; None is all.
-    """
-    target_type = shaded_struct(shape.dtype, wp.int32 if face is None else face.dtype)
+@register("shadow", needs=("depth", "shape", "face"))
+def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+    """Bind the shadow pass of one camera; it runs after the camera's trace."""
+    tables = frame.tables
+    shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
+    target_type = shaded_struct(shape.dtype, dtype_of(face))
     target = target_type()
-    target.mask, target.width, target.height = mask, width, height
+    target.mask, target.width, target.height = frame.mask, frame.width, frame.height
     target.plane = tables.first_plane
-    target.depth, target.shape, target.shadow = depth.flatten(), shape.flatten(), shadow.flatten()
+    target.depth, target.shape, target.shadow = frame.get(planned, "depth"), shape, frame.get(planned, "shadow")
     if face is not None:
-        target.face = face.flatten()
+        target.face = face
     shapes = tables.shapes if tables.casters is None else tables.casters
-    group = group or Group.of_all(views.shape[0])
-    plan = plan_shadow(tables, lens, width, height, device, group)
-    kernel, unit = _kernel(plan.key, target_type), plan.threads
-    arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, views, target]
-    return bind_launch(
-        kernel,
-        len(group.worlds) * unit,
-        arguments,
-        device,
-        start=group.worlds.start * unit,
-        block_dim=THREADS,
-        key=plan.key,
-    )
+    arguments = [shapes, tables.materials, tables.meshes, tables.height_fields, tables.lights, frame.views, target]
+    return frame.launch(planned, _kernel(planned.key, target_type), arguments)

@@ -1,139 +1,70 @@
 """Clouds of Gaussians, blended over the finished images; where half the light is lost, they are the surface."""
 
 import functools
-from collections.abc import Mapping
 from typing import Any
 
 import warp as wp
 
 from warpcam.kernels.flags import SplatFlag
+from warpcam.kernels.outputs import OUTPUTS
+from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.flow import FlowHistory
+from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
-from warpcam.kernels.plan.splats import SplatKey, plan_splats
+from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.splats import IMAGES, SplatKey
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
-from warpcam.kernels.runtime.flatten import flatten
-from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
-from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage
+from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import Shapes, Splats, View
 
 wp.set_module_options(compiler_flags())
 
-# The images that clouds change, and the dtypes of their arrays.
-OUTPUTS: Mapping[str, type] = {
-    "rgb": wp.uint8,
-    "rgba": wp.uint8,
-    "hdr": wp.float32,
-    "albedo": wp.uint8,
-    "depth": wp.float32,
-    "distance": wp.float32,
-    "points": wp.float32,
-    "normals": wp.float32,
-    "segmentation": wp.int32,
-    "bodies": wp.int32,
-    "instances": wp.int32,
-    "semantics": wp.int32,
-}
 
+@functools.cache
+def _images_struct() -> Any:
+    """Struct of the images that Gaussians are drawn over, channel after channel of pixel after pixel.
 
-@wp.struct
-class SplatImages:
-    """Images that Gaussians are drawn over, channel after channel of pixel after pixel; empty if not asked for."""
-
-    rgb: wp.array(dtype=wp.uint8)
-    rgba: wp.array(dtype=wp.uint8)
-    hdr: wp.array(dtype=wp.float32)
-    albedo: wp.array(dtype=wp.uint8)
-    depth: wp.array(dtype=wp.float32)
-    distance: wp.array(dtype=wp.float32)
-    points: wp.array(dtype=wp.float32)
-    normals: wp.array(dtype=wp.float32)
-    segmentation: wp.array(dtype=wp.int32)
-    bodies: wp.array(dtype=wp.int32)
-    instances: wp.array(dtype=wp.int32)
-    semantics: wp.array(dtype=wp.int32)
-    instance_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape) labels
-    semantic_of: wp.array2d(dtype=wp.int32)  # (world or 1, shape)
+    Those that were not asked for are empty.
+    """
+    labels = {name: wp.array2d(dtype=wp.int32) for name in ("instance_of", "semantic_of")}  # (world or 1, shape)
+    return make_struct("SplatImages", {name: wp.array(dtype=OUTPUTS[name].dtype) for name in IMAGES} | labels)
 
 
 @functools.cache
-def _frame_struct(shape_dtype: Any) -> Any:
-    """One camera's visibility in all worlds: what the clouds are in front of."""
+def _frame_struct(kind: str, shape_dtype: Any) -> Any:
+    """Struct of one camera's visibility in all worlds: what the clouds are in front of.
 
-    @wp.struct
-    class Frame:
-        views: wp.array(dtype=View)  # (world,)
-        mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world's images alone
-        depth: wp.array(dtype=wp.float32)  # (pixel,) planar depth [m]
-        shape: wp.array(dtype=shape_dtype)  # (pixel,) or -1 where nothing was hit
-        width: wp.int32
-        height: wp.int32
-
-    return Frame
-
-
-@functools.cache
-def _flow_frame_struct(shape_dtype: Any) -> Any:
-    """Struct of one camera's images with the history of flow."""
-
-    @wp.struct
-    class FlowFrame:
-        views: wp.array(dtype=View)
-        mask: wp.array(dtype=wp.uint8)
-        depth: wp.array(dtype=wp.float32)
-        shape: wp.array(dtype=shape_dtype)
-        width: wp.int32
-        height: wp.int32
-        trail: FlowHistory
-
-    return FlowFrame
+    Args:
+        kind: "plain"; "flow": with its history; "exposed": with exposures, too; "solid": with the limits of solid
+            clouds, too. What was not asked for of these is empty.
+        shape_dtype: Integer type of shape ids.
+    """
+    fields: dict[str, Any] = {
+        "views": wp.array(dtype=View),  # (world,)
+        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
+        "depth": wp.array(dtype=wp.float32),  # (pixel,) planar depth [m]
+        "shape": wp.array(dtype=shape_dtype),  # (pixel,) or -1 where nothing was hit
+        "width": wp.int32,
+        "height": wp.int32,
+    }
+    if kind != "plain":
+        fields["trail"] = FlowHistory
+    if kind in ("exposed", "solid"):
+        fields["exposures"] = wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
+        fields["gains"] = wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
+    if kind == "solid":
+        fields["limits"] = wp.array(dtype=wp.vec2)  # (1,) see SceneTables.splat_limits
+    return make_struct(f"{kind.capitalize()}SplatFrame", fields)
 
 
 @functools.cache
-def _exposed_frame_struct(shape_dtype: Any) -> Any:
-    """Struct of one camera's images with its exposures; the history of flow may be empty."""
-
-    @wp.struct
-    class ExposedFrame:
-        views: wp.array(dtype=View)
-        mask: wp.array(dtype=wp.uint8)
-        depth: wp.array(dtype=wp.float32)
-        shape: wp.array(dtype=shape_dtype)
-        width: wp.int32
-        height: wp.int32
-        trail: FlowHistory
-        exposures: wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
-        gains: wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
-
-    return ExposedFrame
-
-
-@functools.cache
-def _solid_frame_struct(shape_dtype: Any) -> Any:
-    """Struct of one camera's images for solid clouds; the history of flow and the exposures may be empty."""
-
-    @wp.struct
-    class SolidFrame:
-        views: wp.array(dtype=View)
-        mask: wp.array(dtype=wp.uint8)
-        depth: wp.array(dtype=wp.float32)
-        shape: wp.array(dtype=shape_dtype)
-        width: wp.int32
-        height: wp.int32
-        trail: FlowHistory
-        exposures: wp.array(dtype=wp.float32)
-        gains: wp.array(dtype=wp.vec3)
-        limits: wp.array(dtype=wp.vec2)  # (1,) see SceneTables.splat_limits
-
-    return SolidFrame
-
-
-@functools.cache
-def _kernel(key: SplatKey, frame_type: Any) -> wp.Kernel:
+def _kernel(key: SplatKey, frame_type: Any, images_type: Any) -> wp.Kernel:
     @wp.func_native(
         f"warpcam::draw_splats<{int(key.lens)}, {key.capacity}, {key.wanted}>"
         "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
     )
-    def draw(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, index: int): ...
+    def draw(frame: frame_type, images: images_type, shapes: Shapes, splats: Splats, index: int): ...
 
     @wp.kernel(
         module="unique",
@@ -142,7 +73,7 @@ def _kernel(key: SplatKey, frame_type: Any) -> wp.Kernel:
         launch_bounds=(THREADS, key.blocks),
         module_options=native_module("splats/gaussian_blend.h"),
     )
-    def blend_splats(frame: frame_type, images: SplatImages, shapes: Shapes, splats: Splats, first: wp.int32):
+    def blend_splats(frame: frame_type, images: images_type, shapes: Shapes, splats: Splats, first: wp.int32):
         draw(frame, images, shapes, splats, first + wp.tid())
 
     return blend_splats
@@ -178,83 +109,35 @@ def find_broken(
                 views[world] = view
 
 
-def bind_check(
-    tables: SceneTables, views: wp.array, mask: wp.array, faults: wp.array, device: wp.Device, group: Group
-) -> Stage:
-    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number.
-
-    Args:
-        tables: The scene; it has splats.
-        views: View, (world,); written.
-        mask: uint8, (world,); worlds with 0 are left alone.
-        faults: uint8, (world,); set to 1 in such worlds.
-        device: Where all of these lie.
-        group: Which worlds are drawn.
-    """
-    inputs = [tables.shapes, tables.splats, mask, faults, views]
-    return bind_launch(find_broken, len(group.worlds), inputs, device, start=group.worlds.start)
+@register("check of Gaussians")
+def bind_check(planned: PlannedPass, frame: CameraFrame) -> Stage:
+    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number."""
+    inputs = [frame.tables.shapes, frame.tables.splats, frame.mask, frame.faults, frame.views]
+    return frame.launch(planned, find_broken, inputs, BLOCK_DIM)
 
 
-def bind(
-    images: Mapping[str, wp.array],
-    lens: str,
-    tables: SceneTables,
-    views: wp.array,
-    mask: wp.array,
-    depth: wp.array,
-    shape: wp.array,
-    width: int,
-    height: int,
-    device: wp.Device,
-    group: Group,
-    flow_history: Any = None,
-) -> Stage:
-    """Bind the stage that draws clouds over one camera's images, which are else finished.
-
-    Args:
-        images: Contiguous arrays (world, height, width, channels) by name; those in ``OUTPUTS``, "flow" and
-            "flow_valid" are changed.
-        lens: "pinhole" or "orthographic".
-        tables: The scene; it has splats.
-        views: View, (world,).
-        mask: uint8, (world,); worlds with 0 are left alone.
-        depth: Planar depth [m], float32 (world, height, width, 1); may be one of ``images``.
-        shape: Shape ids, an integer type, likewise, -1 where nothing is hit.
-        width: Of the image [pixels].
-        height: Of the image [pixels].
-        device: Where all of these lie.
-        group: Which worlds are drawn.
-        flow_history: FlowHistory, where flow is wanted.
-    """
-    plan = plan_splats(tables, lens, width, height, tuple(images), device)
-    flows = bool(plan.key.flow)
-    exposed, solid = bool(plan.key.images & SplatFlag.EXPOSED), bool(plan.key.images & SplatFlag.SOLID)
-    make = _exposed_frame_struct if exposed else _flow_frame_struct if flows else _frame_struct
-    frame_type = (_solid_frame_struct if solid else make)(shape.dtype)
-    frame = frame_type()
+@register("Gaussians", needs=("depth", "shape"))
+def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+    """Bind the stage that draws clouds over one camera's images, which are else finished."""
+    tables, key = frame.tables, planned.key
+    exposed, solid = bool(key.images & SplatFlag.EXPOSED), bool(key.images & SplatFlag.SOLID)
+    kind = "solid" if solid else "exposed" if exposed else "flow" if key.flow else "plain"
+    shape = frame.get(planned, "seen shape")
+    frame_type, images_type = _frame_struct(kind, shape.dtype), _images_struct()
+    behind = frame_type()
     if exposed:
-        frame.exposures, frame.gains = tables.world_overrides.exposures, tables.world_overrides.gains
+        behind.exposures, behind.gains = tables.world_overrides.exposures, tables.world_overrides.gains
     if solid:
-        frame.limits = tables.splat_limits
-    if flows:
-        frame.trail = flow_history
-    frame.views, frame.mask = views, mask
-    frame.depth, frame.shape = depth.flatten(), shape.flatten()
-    frame.width, frame.height = width, height
-    changed = SplatImages()
-    for name, dtype in OUTPUTS.items():
-        if name in images:
-            setattr(changed, name, flatten(images[name]))
-        else:
-            setattr(changed, name, wp.empty(0, dtype=dtype, device=device))
+        behind.limits = tables.splat_limits
+    if key.flow:
+        behind.trail = frame.flow_history
+    behind.views, behind.mask = frame.views, frame.mask
+    behind.depth, behind.shape = frame.get(planned, "seen depth"), shape
+    behind.width, behind.height = frame.width, frame.height
+    changed = images_type()
+    for name in IMAGES:
+        if (image := frame.find(planned, name)) is not None:
+            setattr(changed, name, image)
     changed.instance_of, changed.semantic_of = tables.labels["instances"], tables.labels["semantics"]
-    kernel, unit = _kernel(plan.key, frame_type), plan.threads
-    return bind_launch(
-        kernel,
-        len(group.worlds) * unit,
-        [frame, changed, tables.shapes, tables.splats],
-        device,
-        start=group.worlds.start * unit,
-        block_dim=THREADS,
-        key=plan.key,
-    )
+    arguments = [behind, changed, tables.shapes, tables.splats]
+    return frame.launch(planned, _kernel(key, frame_type, images_type), arguments)

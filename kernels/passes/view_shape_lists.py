@@ -6,7 +6,6 @@ would list them with one warp while the others wait.
 """
 
 import functools
-from collections.abc import Collection
 from typing import Any
 
 import warp as wp
@@ -14,7 +13,7 @@ import warp as wp
 from warpcam.kernels.passes.flow import FlowHistory
 from warpcam.kernels.passes.views import CameraPose, FrameStart, LensParams, next_frame_state, view_of
 from warpcam.kernels.plan.history import is_compact
-from warpcam.kernels.plan.trace import LANES, ListKey, plan_list
+from warpcam.kernels.plan.trace import LANES, ListKey
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
@@ -156,6 +155,7 @@ def _kernel(key: ListKey) -> wp.Kernel:
 
 
 def bind_lists(
+    key: ListKey,
     frame_start: Any,
     pose: Any,
     lens: Any,
@@ -163,27 +163,23 @@ def bind_lists(
     faults: wp.array,
     views: wp.array,
     tables: SceneTables,
-    projection: str,
     lists: wp.array,
     trail: Any,
-    outputs: Collection[str],
     device: wp.Device,
 ) -> Stage:
     """Bind the stage, which does what that of ``bind_views`` does, too, and that of ``bind_motions``.
 
     Args:
+        key: Of the kernel.
         frame_start: Of ``bind_views``, as ``pose``, ``lens``, ``mask``, ``faults`` and ``views``.
         tables: The scene.
-        projection: "pinhole" or "orthographic".
         lists: vec4, (world, row); written.
         trail: FlowHistory, whose motions are composed; None: none are.
-        outputs: Of the camera.
         device: Where all of these lie.
     """
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    key = plan_list(tables, projection, outputs, trail is not None, device)
     inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
     inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
     inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]

@@ -1,64 +1,369 @@
-"""Plan of a frame: the kernels that draw one camera, in the order of their launches."""
+"""Plan of a frame: buffers, passes and kernels that draw the images of one camera.
 
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
-from enum import IntEnum, IntFlag
+``plan_frame`` is the one place that decides which kernels run. Passes compile and bind what is planned, memory is
+counted from the plan.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
+import warp as wp
+
+from warpcam.kernels.flags import TRAVERSED, geometry_of
+from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
+from warpcam.kernels.plan import edges, history, launches, shading, shadow, splats, trace
+from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
-from warpcam.kernels.plan.launches import SceneTypes
+from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
 from warpcam.kernels.plan.trace import ListKey, MirrorKey, TraceKey
+from warpcam.kernels.plan.words import describe
+from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.scene_tables import SceneTables
 
-KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey
+KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
 
-NAMES: dict[type, str] = {
-    ListKey: "views and lists of shapes",
-    TraceKey: "trace",
-    ShadowKey: "shadows",
-    MirrorKey: "trace in mirrors",
-    ShadingKey: "shading",
-    EdgeKey: "smooth edges",
-    SplatKey: "Gaussians",
-}
+VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
+SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
+LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
+BUFFER = "buffer "  # names of buffers begin with this, those of images do not
+
+Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
+
+
+@dataclass(frozen=True)
+class ImageRequest:
+    """Images that one camera is asked for.
+
+    Attributes:
+        width: Of the images [pixels].
+        height: Of the images [pixels].
+        lens: One of ``launches.LENSES``.
+        outputs: Names, of ``OUTPUTS``.
+        shadows: Lights cast shadows.
+        antialiasing: Samples of a pixel.
+    """
+
+    width: int
+    height: int
+    lens: str
+    outputs: tuple[str, ...]
+    shadows: bool = False
+    antialiasing: int = 1
+
+    @property
+    def smooth(self) -> tuple[str, ...]:
+        """Outputs whose edges are smoothed."""
+        return lit_outputs(self.outputs) if self.antialiasing > 1 else ()
+
+
+@dataclass(frozen=True)
+class PlannedPass:
+    """A pass of one camera.
+
+    Attributes:
+        name: Of the pass, in the registry.
+        key: What its kernel is compiled for; None for kernels without variants.
+        threads: Of its launch, for each world.
+        arrays: Images and buffers that it reads and writes.
+    """
+
+    name: str
+    key: KernelKey | None
+    threads: int
+    arrays: Arrays = ()
+
+    def name_of(self, role: str) -> str | None:
+        """The image or buffer that the pass knows by that name, or None if it has none."""
+        return dict(self.arrays).get(role)
 
 
 @dataclass(frozen=True)
 class FramePlan:
-    """Kernels of one camera.
+    """Passes and buffers of one camera.
 
     Attributes:
-        keys: Each kernel once, in the order of launches.
+        lists: Kernel that writes views and lists shapes for the trace; None where views alone are written.
+        list_rows: Rows of four words of such a list, for each world.
+        buffers: Names and dtypes of the images between the passes that are no outputs.
+        visibility: Passes up to those that find what is seen and what lies in shadows.
+        shading: The rest; nothing else writes the images of ``late``.
+        late: Outputs that only the passes of ``shading`` write, which may wait for other worlds.
+        mirrors: The images show mirrors.
+        in_place: Edges are smoothed where the images lie.
     """
 
-    keys: tuple[KernelKey, ...]
+    lists: ListKey | None
+    list_rows: int
+    buffers: tuple[tuple[str, Any], ...]
+    visibility: tuple[PlannedPass, ...]
+    shading: tuple[PlannedPass, ...]
+    late: frozenset[str]
+    mirrors: bool
+    in_place: bool
 
-    @classmethod
-    def of(cls, keys: Iterable[KernelKey]) -> "FramePlan":
-        """The plan that has these keys, each once."""
-        return cls(tuple(dict.fromkeys(keys)))
+    @property
+    def passes(self) -> tuple[PlannedPass, ...]:
+        """All passes, in the order of their launches."""
+        return (*self.visibility, *self.shading)
+
+    @property
+    def keys(self) -> tuple[KernelKey, ...]:
+        """Kernels of the frame that have variants, each once, in the order of launches."""
+        found = [self.lists, *(each.key for each in self.passes)]
+        return tuple(dict.fromkeys(key for key in found if key is not None))
 
     def __str__(self) -> str:
-        return "\n".join(describe(key) for key in self.keys)
+        lines = [describe("views" if self.lists is None else "views and lists of shapes", self.lists)]
+        return "\n".join(dict.fromkeys([*lines, *(describe(each.name, each.key) for each in self.passes)]))
 
 
-def describe(key: KernelKey) -> str:
-    """A key in words, on one line."""
-    words = [f"{field.name.replace('_', ' ')} {_word(getattr(key, field.name))}" for field in fields(key)]
-    return f"{NAMES[type(key)]}: {'; '.join(words)}; blocks a multiprocessor holds {key.blocks}".replace(
-        f"; blocks {key.blocks};", ";"
+def merged(plans: Iterable[FramePlan]) -> FramePlan:
+    """One plan with the passes of all, each once: groups of other sizes may have other kernels."""
+    plans = list(plans)
+    return replace(
+        plans[0],
+        visibility=tuple(dict.fromkeys(each for plan in plans for each in plan.visibility)),
+        shading=tuple(dict.fromkeys(each for plan in plans for each in plan.shading)),
     )
 
 
-def _word(value: Any) -> str:
-    if isinstance(value, SceneTypes):
-        return " ".join(part for part in map(_word, (value.geometry, value.scene)) if part != "none") or "none"
-    if isinstance(value, IntFlag):
-        return " ".join(str(flag.name) for flag in type(value) if flag in value) or "none"
-    if isinstance(value, IntEnum):
-        return value.name
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "x".join(map(str, value)) if isinstance(value, tuple) else str(value)
+def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None = None) -> FramePlan:
+    """Plan the frame of one camera.
+
+    Args:
+        tables: The scene.
+        request: What is asked for.
+        device: Where it is drawn.
+        group: Worlds that are drawn together; None is all. The kernels' regions depend on it, the buffers do not.
+    """
+    group = Group.of_all(tables.num_worlds) if group is None else group
+    lit, smooth = lit_outputs(request.outputs), request.smooth
+    transparent = tables.layers is not None and tables.layers.has_transparent and bool(lit)
+    mirrors = tables.layers is not None and tables.layers.has_mirrors and bool(lit)
+    mirrors = mirrors and request.lens not in launches.TABLES
+    capacity = 0 if transparent else _list_capacity(tables, request, device)
+    in_place = bool(smooth) and edges.in_place(tables, smooth, request.width, request.height, device)
+    buffers = _buffers(tables, request, transparent, mirrors, () if in_place else smooth)
+    planner = _Planner(tables, request, device, group, buffers, mirrors, capacity > 0)
+    rest = tuple(name for name in request.outputs if name not in lit)
+    if transparent:  # what is seen through is not where the other outputs have it
+        sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
+        visibility = tuple(each for names, opaque in sets for part in planner.plan(names, opaque) for each in part)
+        last: tuple[PlannedPass, ...] = ()
+    else:
+        visibility, last = planner.plan((*lit, *rest), False)
+    lists = None
+    if capacity:
+        flow = not set(history.OUTPUTS).isdisjoint(request.outputs)
+        lists = trace.plan_list(tables, request.lens, request.outputs, flow, device)
+    return FramePlan(
+        lists,
+        trace.rows_of(capacity, request.outputs),
+        tuple(buffers.items()),
+        visibility,
+        last,
+        frozenset() if transparent or smooth else _late(tables, request),
+        mirrors,
+        in_place,
+    )
+
+
+def _list_capacity(tables: SceneTables, request: ImageRequest, device: wp.Device) -> int:
+    """Shapes of a list that is made before the trace; 0: none is."""
+    return trace.capacity_of(tables, request.lens, request.width, request.height, request.outputs, device)
+
+
+def _late(tables: SceneTables, request: ImageRequest) -> frozenset[str]:
+    """Outputs that only the last passes write, in scenes without transparent shapes and smooth edges.
+
+    With transparent shapes there are two traces, one after the other. Edges are best smoothed beside the trace of other
+    worlds, and not after that of all.
+    """
+    derived = frozenset(name for name in request.outputs if traced_as(name, tables.shape_types) is None)
+    # Without meshes and height fields the trace may write albedo.
+    return derived if geometry_of(tables.shape_types) & TRAVERSED else derived - {"albedo"}
+
+
+def _buffers(
+    tables: SceneTables, request: ImageRequest, transparent: bool, mirrors: bool, smooth: Sequence[str]
+) -> dict[str, Any]:
+    """Buffers between the passes, with their dtypes; ``smooth``: outputs that are lit into a buffer first."""
+    asked = [OUTPUTS[name] for name in request.outputs]
+    derived = [name for name in request.outputs if traced_as(name, tables.shape_types) is None]
+    passes = tables.num_drawn > launches.MAX_LISTED  # they go on from each other's depth and shape
+    needed = passes or tables.splats is not None or bool(derived)
+    images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
+    if request.lens in launches.TABLES:  # whose trace has the distance where others have depth
+        images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
+    faces = bool(geometry_of(tables.shape_types) & TRAVERSED) and any("face" in pass_of(name).needs for name in derived)
+    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
+    wanted = {
+        "depth": transparent or (needed and "depth" not in images),
+        "shape": transparent or (needed and "shape" not in images),
+        "face": faces,
+        "shadow": request.shadows and tables.num_lights > 0 and any(output.lit for output in asked),
+        "mirror depth": mirrors,
+        "mirror shape": mirrors,
+        "mirror face": mirrors and faces,
+    }
+    dtypes = {
+        "depth": wp.float32,
+        "shape": next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most),
+        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
+        "shadow": wp.uint8,
+    }
+    chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
+    return chosen | {f"{BUFFER}lit {name}": LIT_PIXELS[name] for name in smooth}
+
+
+@dataclass(frozen=True)
+class _Planner:
+    """Plans the passes that make some of a camera's outputs."""
+
+    tables: SceneTables
+    request: ImageRequest
+    device: wp.Device
+    group: Group
+    buffers: Mapping[str, Any]
+    mirrors: bool
+    listed: bool
+
+    def plan(self, outputs: Sequence[str], opaque: bool) -> tuple[tuple[PlannedPass, ...], tuple[PlannedPass, ...]]:
+        """Passes of visibility and of shading; ``opaque``: of what is seen without transparent shapes."""
+        tables, request = self.tables, self.request
+        arrays, derived = self._traced(outputs)
+        written = dict(arrays)
+        seen = tuple((role, name) for role, name in arrays if role in VISIBLE)
+        lit = lit_outputs(derived)
+        shadows = ((("shadow", f"{BUFFER}shadow"),) if f"{BUFFER}shadow" in self.buffers else ()) if lit else ()
+        smooth = tuple(name for name in request.smooth if name in derived)
+        lit_into = {name: f"{BUFFER}lit {name}" for name in smooth if f"{BUFFER}lit {name}" in self.buffers}
+
+        first = [self._trace(arrays, opaque)]
+        if shadows:
+            first.append(self._pass("shadow", self._plan(shadow.plan_shadow), (*seen, *shadows)))
+        last: list[PlannedPass] = []
+        reflecting = self.mirrors and bool(lit)
+        colors = tuple((name, lit_into.get(name, name)) for name in lit)
+        if reflecting:
+            last += self._mirrors(colors, written)
+        shaded = tuple((name, lit_into.get(name, name)) for name in derived if name in PASSES["shading"].writes)
+        if shaded:
+            write_back = bool(smooth) and opaque and tables.physical is None and tables.splats is None
+            launch = self._shading(shaded, bool(shadows), mirrors=reflecting, write_back=write_back)
+            last.append(self._pass("shading", launch, (*seen, *shadows, *shaded)))
+        if smooth:
+            bytes_each = self._dtype(written["shape"]) is wp.int8
+            launch = self._plan(edges.plan_edges, smooth, bytes_each)
+            images = tuple((f"smooth {name}", name) for name in smooth)
+            last.append(self._pass("smooth edges", launch, (*seen, *colors, *images)))
+        others = dict.fromkeys(pass_of(name).name for name in derived if name not in PASSES["shading"].writes)
+        for name in others:
+            images = tuple((output, output) for output in derived if output in PASSES[name].writes)
+            last.append(self._pass(name, self._derived(), (*seen, *images)))
+        if tables.splats is not None:
+            first.insert(0, PlannedPass("check of Gaussians", None, 1))
+            last.append(self._splats(outputs, written))
+        return tuple(first), tuple(last)
+
+    def _traced(self, outputs: Sequence[str]) -> tuple[Arrays, list[str]]:
+        """Arrays that the trace writes, and the outputs that later passes derive."""
+        names = {name: traced_as(name, self.tables.shape_types) for name in outputs}
+        images = {role: name for name, role in names.items() if role is not None}
+        derived = [name for name, role in names.items() if role is None]
+        if self.tables.ids_by_world and "shape" in images:  # asked for are ids; later passes read columns
+            images["ids"] = images.pop("shape")
+        if "albedo" in derived and self._plan_albedo(images):
+            images["albedo"] = "albedo"
+            derived.remove("albedo")
+        if self.request.lens in launches.TABLES:
+            images = _swapped(images)
+        for role in VISIBLE:
+            if role not in images and BUFFER + role in self.buffers:
+                images[role] = BUFFER + role
+        return tuple(images.items()), derived
+
+    def _plan_albedo(self, images: Mapping[str, str]) -> bool:
+        request, at_once = self.request, self.group.concurrent_worlds
+        size = (request.width, request.height)
+        return trace.traces_albedo(self.tables, request.lens, *size, at_once, images, self.device)
+
+    def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass:
+        request, facts = self.request, shading.traced_albedo_facts(self.tables)
+        roles = [role for role, _ in arrays]
+        launch = trace.plan_trace(
+            self.tables,
+            request.lens,
+            request.width,
+            request.height,
+            roles,
+            facts,
+            self.device,
+            self.group,
+            opaque=opaque,
+            listed=self.listed,
+        )
+        return self._pass("trace", launch, arrays)
+
+    def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass]:
+        """Passes that draw into the images what mirrors show; the mirrors' own colour comes on top."""
+        mirrored = tuple((role, name) for role in VISIBLE if (name := f"{BUFFER}mirror {role}") in self.buffers)
+        seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
+        faces = "face" in dict(mirrored)
+        return [
+            PlannedPass("mirrors", None, 1),
+            self._pass("trace in mirrors", self._plan(trace.plan_mirror, faces), (*seen, *mirrored)),
+            self._pass("shading", self._shading(colors, False, mirrors=True, mirrored=True), (*mirrored, *colors)),
+        ]
+
+    def _shading(self, images: Arrays, shadows: bool, **how: bool) -> launches.PlannedLaunch[ShadingKey]:
+        request = self.request
+        names = [name for name, _ in images]
+        return shading.plan_shading(
+            self.tables,
+            request.lens,
+            request.width,
+            request.height,
+            names,
+            shadows,
+            self.tables.layers,
+            self.device,
+            self.group,
+            **how,
+        )
+
+    def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass:
+        request = self.request
+        images = {name: name for name in outputs if name in splats.IMAGES or name in history.OUTPUTS}
+        if request.lens in launches.TABLES:
+            images = _swapped(images)
+        launch = splats.plan_splats(
+            self.tables, request.lens, request.width, request.height, tuple(images), self.device
+        )
+        seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
+        return self._pass("Gaussians", launch, (*seen, *images.items()))
+
+    def _derived(self) -> launches.PlannedLaunch[DerivedKey]:
+        request = self.request
+        return plan_derived(self.tables, request.lens, request.width, request.height, self.device)
+
+    def _plan(self, plan: Any, *facts: Any) -> launches.PlannedLaunch[Any]:
+        """Call a plan whose arguments are scene, lens and size, facts of its own, device and group."""
+        request = self.request
+        return plan(self.tables, request.lens, request.width, request.height, *facts, self.device, self.group)
+
+    def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass:
+        return PlannedPass(name, launch.key, launch.threads, arrays)
+
+    def _dtype(self, name: str) -> Any:
+        return self.buffers[name] if name.startswith(BUFFER) else OUTPUTS[name].dtype
+
+
+def _swapped(images: Mapping[str, str]) -> dict[str, str]:
+    """Rename images for a trace by a ray table, whose depth is the distance along the ray."""
+    names = {"depth": "distance", "distance": "depth"}
+    return {names.get(role, role): name for role, name in images.items()}

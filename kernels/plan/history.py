@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.plan import launches
 from warpcam.kernels.scene_tables import SceneTables
 
+OUTPUTS = ("flow", "flow_valid")  # that need the last frame
 ROWS, MOVING_ROWS = 4, 7  # of a shape in FlowHistory.motions, without and with meshes that move
 COMPACT_SHAPES = 255  # as many have an id in eight bits, beside none
 MOST_COMPOSED = 128  # shapes whose motions each block composes

@@ -20,12 +20,12 @@ from mjlab.sim import Simulation
 from mjlab.sim.sim_data import WarpBridge
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.compat.common import packing
 from warpcam.compat.mujoco_warp.arguments import read_groups
 from warpcam.compat.mujoco_warp.context import CameraSettings, load_groups
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 

@@ -21,7 +21,7 @@ from warpcam.kernels.passes.views import CameraPose, LensParams
 from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.render.flow_history import CameraHistory
+from warpcam.render.camera_passes import CameraPasses
 from warpcam.scene.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -123,24 +123,23 @@ class CameraBinding:
         self,
         mask: wp.array,
         faults: wp.array,
-        views: wp.array,
         tables: SceneTables,
-        history: CameraHistory | None = None,
-        lists: wp.array | None = None,
+        passes: CameraPasses,
         frame_start: Any = None,
     ) -> Stage:
         """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
 
-        If the camera has a ``history``, the views there were go there. With ``lists`` the stage lists shapes, too, and
+        If the camera has a history, the views there were go there. Where its plan lists shapes the stage does so, and
         composes how they have moved. With a ``frame_start`` it is a frame's first.
         """
         pose, lens, device = self._pose(), self._lens(), self._scene.device
-        if lists is None:
+        history, views, key = passes.history, passes.views, passes.plan.lists
+        if key is None:
             before = None if history is None else history.views
             return views_stage.bind_views(pose, lens, mask, faults, views, device, before, frame_start)
-        flow_history, outputs = None if history is None else history.flow_history, self._camera.outputs
+        flow_history = None if history is None else history.flow_history
         return view_shape_lists.bind_lists(
-            frame_start, pose, lens, mask, faults, views, tables, self.projection, lists, flow_history, outputs, device
+            key, frame_start, pose, lens, mask, faults, views, tables, passes.lists, flow_history, device
         )
 
     def _pose(self) -> CameraPose:

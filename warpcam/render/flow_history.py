@@ -16,12 +16,10 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.scene.scene import Scene
 
-OUTPUTS = ("flow", "flow_valid")
-
 
 def needs_history(camera: Camera) -> bool:
     """Return whether the camera needs the previous frame."""
-    return not set(OUTPUTS).isdisjoint(camera.outputs)
+    return not set(history_plan.OUTPUTS).isdisjoint(camera.outputs)
 
 
 class CameraHistory:
@@ -38,7 +36,7 @@ class CameraHistory:
         worlds, self._device = tables.num_worlds, device
         self.views = wp.zeros(worlds, dtype=View, device=device)
         self.flow_history = flow.FlowHistory()
-        for name in set(OUTPUTS) & images.keys():
+        for name in set(history_plan.OUTPUTS) & images.keys():
             setattr(self.flow_history, name, flatten(images[name]))
         kept = worlds * _history_words(camera, tables)
         self.flow_history.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)

@@ -9,12 +9,13 @@ import warp as wp
 from warpcam.camera.camera import Camera
 from warpcam.core.device import free_bytes
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.layers import Mirror
+from warpcam.kernels.plan.frame import plan_frame
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
-from warpcam.render.camera_passes import check_size, list_rows
+from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
-from warpcam.scene.layers import world_bytes
 from warpcam.scene.scene import Scene
 
 
@@ -69,20 +70,20 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     """
     by_key = check_cameras(scene, cameras)
     tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
-    lists = {
-        key: list_rows(camera, projection_of(camera, scene), tables, scene.device)
-        * wp.types.type_size_in_bytes(wp.vec4)
-        for key, camera in by_key.items()
-    }
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
+    plans = {
+        key: plan_frame(tables, request_of(camera, projection_of(camera, scene)), scene.device)
+        for key, camera in by_key.items()
+    }
+    vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
+    planned = {key: plan.list_rows * vector + plan.mirrors * (view + mirror) for key, plan in plans.items()}
     return Memory(
-        images={key: image_bytes(camera, tables) for key, camera in by_key.items()},
-        scratch=Scratch(by_key, tables, scene.device).size,
-        worlds=scene.num_worlds
-        * (10 + sum(view + pose_bytes(one) + world_bytes(one, tables) + lists[key] for key, one in by_key.items()))
+        images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
+        scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
+        worlds=scene.num_worlds * (10 + sum(view + pose_bytes(one) + planned[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene.num_worlds) for one in by_key.values()),
-        past=history_bytes(by_key, [key for key, size in lists.items() if size], scene, tables),
+        past=history_bytes(by_key, [key for key, plan in plans.items() if plan.list_rows], scene, tables),
     )
 
 

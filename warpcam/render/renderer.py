@@ -12,12 +12,12 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
+from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.views import FrameCounters, make_frame_start
-from warpcam.kernels.plan.frame import FramePlan, KernelKey
+from warpcam.kernels.plan.frame import FramePlan, merged
 from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
 from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
 from warpcam.kernels.scene_tables import SceneTables
@@ -78,7 +78,7 @@ class Renderer:
     @preserve_cuda_context()
     def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
         self._cameras = check_cameras(scene, cameras)
-        self._shades = any(OUTPUTS[name].face for camera in self._cameras.values() for name in camera.outputs)
+        self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
         if not isinstance(graph, bool | np.bool_):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         torch_interop.require_no_capture(scene.device, "Renderer")
@@ -96,7 +96,8 @@ class Renderer:
         self._selection = Selection(scene.num_worlds, scene.device)
         self._histories = [(key, target.history) for key, target in self._passes.items() if target.history is not None]
         self._shape_history = ShapeHistory(scene, tables) if self._histories else None
-        self._scratch = Scratch(self._cameras, tables, scene.device)
+        plans = {key: target.plan for key, target in self._passes.items()}
+        self._scratch = Scratch(self._cameras, plans, scene.num_worlds, scene.device)
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = torch_interop.to_torch(self._faults)
@@ -202,7 +203,7 @@ class Renderer:
     @property
     def plan(self) -> Mapping[str | int, FramePlan]:
         """Kernels that draw each camera, by its name; ``str()`` of a plan has them in words."""
-        return {key: FramePlan.of(keys) for key, keys in self._keys.items()}
+        return {key: merged(plans) for key, plans in self._plans.items()}
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
@@ -216,7 +217,7 @@ class Renderer:
     def _bind(self, tables: SceneTables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
-        self._keys: dict[str | int, list[KernelKey]] = {key: [] for key in self._cameras}
+        self._plans: dict[str | int, list[FramePlan]] = {key: [] for key in self._cameras}
         known = None
         if self._shape_history is not None:
             known = self._shape_history.frame_state
@@ -226,9 +227,7 @@ class Renderer:
         def record_views(frame_start: Any) -> Iterator[Stage]:
             for key, binding in self._bindings.items():
                 target = self._passes[key]
-                stage = binding.bind(mask, faults, target.views, tables, target.history, target.lists, frame_start)
-                self._keep_keys(key, [stage])
-                yield stage
+                yield binding.bind(mask, faults, tables, target, frame_start)
                 frame_start = None
 
         images = {key: target.images for key, target in self._passes.items()}
@@ -315,7 +314,7 @@ class Renderer:
 
     def _fewer(self, phases: list[Rounds], images: LentImages) -> list[Rounds]:
         """Return the phases, or phases of several rounds if these are fewer."""
-        late = {key: target.written_by_last_stage for key, target in self._passes.items()}
+        late = {key: target.plan.late for key, target in self._passes.items()}
         in_turns = self._scratch.phases_of_rounds(images, late, ROUNDS) if any(late.values()) else phases
         return in_turns if len(in_turns) < len(phases) else phases
 
@@ -349,20 +348,16 @@ class Renderer:
             busiest: Pixels of the phase that has most.
         """
         key, area = batch.camera, self._area(batch)
-        seen, projection = self._bindings[key].camera_tables(tables), self._bindings[key].projection
+        seen = self._bindings[key].camera_tables(tables)
         parts = parts if batch.buffers and self._is_large(len(batch.worlds) * area) else 1
         cuts = cuts_in_waves(len(batch.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
         bounds = [batch.worlds.start + cut for cut in cuts]
         for first, end in itertools.pairwise(bounds):
             group = Group(range(first, end), busiest // area)
             mask = self._selection.mask
-            stages = self._passes[key].bind(seen, projection, group, batch.buffers, mask, self._faults)
-            self._keep_keys(key, [*stages.visibility, *stages.shading])
+            plan, stages = self._passes[key].bind(seen, group, batch.buffers, mask, self._faults)
+            self._plans[key].append(plan)
             yield stages
-
-    def _keep_keys(self, camera: str | int, stages: Sequence[Stage]) -> None:
-        """Note which kernels a camera's stages run."""
-        self._keys[camera] += [stage.key for stage in stages if stage.key is not None]
 
     def _run(self, everything: bool, capturing: bool) -> None:
         recording = self._recording()

@@ -13,69 +13,27 @@ import itertools
 from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import warp as wp
 
 from warpcam.camera.camera import Camera
-from warpcam.camera.lens_tables import RayTableLens
-from warpcam.camera.outputs import OUTPUTS, smooth_outputs, traced_as
-from warpcam.kernels.plan import edges, launches
-from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import HEIGHT_FIELD, MESH
-from warpcam.scene.layers import shows_mirrors, shows_transparent
+from warpcam.kernels.outputs import OUTPUTS
+from warpcam.kernels.plan import edges
+from warpcam.kernels.plan.frame import FramePlan
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
-PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
 ALIGNMENT = 256  # of a buffer [bytes]
-SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
 LentImages = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
 Buffer = tuple[str | int, int, str]  # camera, first world and name
 
 
-def buffers_of(camera: Camera, tables: SceneTables) -> dict[str, Any]:
-    """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
-    asked = [OUTPUTS[name] for name in camera.outputs]
-    lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
-    passes = tables.num_drawn > launches.MAX_LISTED  # they go on from each other's depth and shape
-    needed = (
-        passes
-        or tables.splats is not None
-        or any(traced_as(name, tables.shape_types) is None for name in camera.outputs)
-    )
-    images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
-    if isinstance(camera.lens, RayTableLens):  # whose trace has the distance where others have depth
-        images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
-    faces = bool(tables.shape_types & {MESH, HEIGHT_FIELD}) and any(output.face for output in asked)
-    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
-    apart, mirrors = shows_transparent(camera, tables), shows_mirrors(camera, tables)
-    wanted = {
-        "depth": apart or (needed and "depth" not in images),
-        "shape": apart or (needed and "shape" not in images),
-        "face": faces,
-        "shadow": lit,
-        "mirror depth": mirrors,
-        "mirror shape": mirrors,
-        "mirror face": mirrors and faces,
-    }
-    smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
-    dtypes = {
-        "depth": wp.float32,
-        "shape": ids,
-        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
-        "shadow": wp.uint8,
-    }
-    chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
-    return chosen | {f"lit {name}": PIXELS[name] for name in smooth}
-
-
-def image_bytes(camera: Camera, tables: SceneTables) -> dict[str, int]:
+def image_bytes(camera: Camera, num_worlds: int) -> dict[str, int]:
     """Bytes of each image."""
-    return {name: tables.num_worlds * count for name, count in _world_bytes(camera).items()}
+    return {name: num_worlds * count for name, count in _world_bytes(camera).items()}
 
 
 def _world_bytes(camera: Camera) -> dict[str, int]:
@@ -117,16 +75,19 @@ class Scratch:
         size: Of the block [bytes].
     """
 
-    def __init__(self, cameras: Mapping[str | int, Camera], tables: SceneTables, device: wp.Device):
-        self._cameras, self._tables, self._device = cameras, tables, device
+    def __init__(
+        self,
+        cameras: Mapping[str | int, Camera],
+        plans: Mapping[str | int, FramePlan],
+        num_worlds: int,
+        device: wp.Device,
+    ):
+        self._cameras, self._plans, self._num_worlds, self._device = cameras, plans, num_worlds, device
         self._block = wp.empty((0, ALIGNMENT), dtype=wp.uint8, device=device)
-        images = sum(sum(image_bytes(camera, tables).values()) for camera in cameras.values())
+        images = sum(sum(image_bytes(camera, num_worlds).values()) for camera in cameras.values())
         allowed = max(images // 2, ALWAYS_ALLOWED)
         self.size = max(
-            (
-                min(self._bytes(camera, tables.num_worlds), max(allowed, self._bytes(camera, 1)))
-                for camera in cameras.values()
-            ),
+            (min(self._bytes(key, num_worlds), max(allowed, self._bytes(key, 1))) for key in cameras),
             default=0,
         )
 
@@ -150,7 +111,7 @@ class Scratch:
 
     def wave(self, key: str | int) -> int:
         """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
-        return edges.wave(self._device) if self._in_place(self._cameras[key]) else 1
+        return edges.wave(self._device) if self._plans[key].in_place else 1
 
     def phases_of_rounds(
         self, images: LentImages, late: Mapping[str | int, Collection[str]], rounds: int
@@ -177,7 +138,7 @@ class Scratch:
         """
         start, total = self._whole.start, self._total
         share = self.size // count // ALIGNMENT * ALIGNMENT
-        if any(self._bytes(camera, 1) > share for camera in self._cameras.values()):
+        if any(self._bytes(key, 1) > share for key in self._cameras):
             return None
         return [
             [
@@ -199,7 +160,7 @@ class Scratch:
 
     @property
     def _total(self) -> int:
-        return len(self._cameras) * self._tables.num_worlds
+        return len(self._cameras) * self._num_worlds
 
     def _phases(
         self,
@@ -237,7 +198,7 @@ class Scratch:
 
     def _share(self, first: int, end: int) -> Iterator[tuple[str | int, range]]:
         """The cameras and worlds from one place to another, counted in worlds of one camera after another."""
-        num_worlds = self._tables.num_worlds
+        num_worlds = self._num_worlds
         for place, key in enumerate(self._cameras):
             begin, stop = (min(max(at - place * num_worlds, 0), num_worlds) for at in (first, end))
             if begin < stop:
@@ -280,7 +241,7 @@ class Scratch:
             sizes = {
                 (key, worlds.start, name): size
                 for key, worlds in self._share(begin, end)
-                for name, size in self._needed(self._cameras[key], len(worlds)).items()
+                for name, size in self._needed(key, len(worlds)).items()
             }
             found = _place(sizes, free, closed)
             if found is None:
@@ -290,35 +251,21 @@ class Scratch:
 
     def _buffers(self, key: str | int, worlds: range, places: Mapping[Buffer, int]) -> dict[str, wp.array]:
         camera = self._cameras[key]
-        shape = (self._tables.num_worlds, camera.height, camera.width, 1)
+        shape = (self._num_worlds, camera.height, camera.width, 1)
         buffers = {}
-        for name, dtype in self._buffers_of(camera).items():
+        for name, dtype in self._plans[key].buffers:
             stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
             start = places[key, worlds.start, name] - worlds.start * stride
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return buffers
 
-    def _buffers_of(self, camera: Camera) -> dict[str, Any]:
-        placed = self._in_place(camera)
-        found = buffers_of(camera, self._tables)
-        return {name: dtype for name, dtype in found.items() if not (placed and name.startswith("lit "))}
-
-    def _in_place(self, camera: Camera) -> bool:
-        smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-        if not smooth:
-            return False
-        return edges.in_place(self._tables, smooth, camera.width, camera.height, self._device)
-
-    def _needed(self, camera: Camera, worlds: int) -> dict[str, int]:
+    def _needed(self, key: str | int, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
-        pixels = worlds * camera.width * camera.height
-        return {
-            name: _aligned(pixels * wp.types.type_size_in_bytes(dtype))
-            for name, dtype in self._buffers_of(camera).items()
-        }
+        pixels = worlds * self._cameras[key].width * self._cameras[key].height
+        return {name: _aligned(pixels * wp.types.type_size_in_bytes(dtype)) for name, dtype in self._plans[key].buffers}
 
-    def _bytes(self, camera: Camera, worlds: int) -> int:
-        return sum(self._needed(camera, worlds).values())
+    def _bytes(self, key: str | int, worlds: int) -> int:
+        return sum(self._needed(key, worlds).values())
 
 
 def _cuts(first: int, end: int, rounds: int) -> list[int]:

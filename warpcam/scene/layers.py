@@ -11,14 +11,10 @@ from typing import Any, Literal
 import numpy as np
 import warp as wp
 
-from warpcam.camera.camera import Camera
-from warpcam.camera.lens_tables import RayTableLens
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.layers import Haze, LayerTables, Mirror
+from warpcam.kernels.layers import Haze, LayerTables
 from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
-from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import BOX, PLANE, View
+from warpcam.kernels.types import BOX, PLANE
 
 MAX_TRANSPARENT_SHAPES = 256  # shapes that a block can sort
 
@@ -138,25 +134,3 @@ def transparent_layers(types: np.ndarray, drawn: Sequence[int], opacity: np.ndar
     reach = np.where(types == PLANE, np.inf, -1.0).astype(np.float32)
     wanted = check_tristate("transparency", wanted)
     return Layers(transparent_shapes=find_transparent(types, drawn, opacity, wanted, backs=False), reach=reach)
-
-
-def has_lit(camera: Camera) -> bool:
-    return any(OUTPUTS[name].lit for name in camera.outputs)
-
-
-def shows_mirrors(camera: Camera, tables: SceneTables) -> bool:
-    """Return whether the camera's images show mirrors; lenses of ray tables show none."""
-    if isinstance(camera.lens, RayTableLens):
-        return False
-    return tables.layers is not None and tables.layers.has_mirrors and has_lit(camera)
-
-
-def shows_transparent(camera: Camera, tables: SceneTables) -> bool:
-    """Return whether the camera's images show transparent shapes."""
-    return tables.layers is not None and tables.layers.has_transparent and has_lit(camera)
-
-
-def world_bytes(camera: Camera, tables: SceneTables) -> int:
-    """Return the memory of mirrors for each world, beside images and scratch [bytes]."""
-    both = wp.types.type_size_in_bytes(View) + wp.types.type_size_in_bytes(Mirror)
-    return both if shows_mirrors(camera, tables) else 0

@@ -1,6 +1,7 @@
 // Outputs that follow from a hit alone, without its surface: distance, point, body, labels.
 #pragma once
 #include "accel/bvh4.h"
+#include "geometry/surface_interaction.h"
 #include "output/pixel_store.h"
 
 namespace warpcam {
@@ -54,6 +55,25 @@ template <int LENS> WARPCAM_DEVICE Vec3 point_of(const Hit& hit, const Camera& c
     }
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
     return camera.origin + transform(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
+}
+
+// A hit in the shape's frame; `place` is the same in the camera's frame, `ray` the ray's direction in the shape's, of
+// any length.
+template <int LENS>
+WARPCAM_DEVICE Vec3 locate_hit(const ShapeFromCamera& pose, float x, float y, float depth, Vec3& place, Vec3& ray)
+{
+    place = LENS == PINHOLE ? Vec3 { depth * x, depth * y, -depth } : Vec3 { x, y, -depth };
+    ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
+    if constexpr (LENS == RAYS) {
+        place = depth * CameraRay<LENS> { x, y }.direction();
+        ray = pose.local(CameraRay<LENS> { x, y }.direction());
+    }
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+        const OffsetRay beam = CameraRay<LENS> { x, y }.beam();
+        place = beam.start + depth * beam.direction;
+        ray = pose.local(beam.direction);
+    }
+    return pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
 }
 
 // With BY_WORLD ids differ from world to world: types.py, Shapes.

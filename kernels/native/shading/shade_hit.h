@@ -128,18 +128,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
     Vec3 place, ray;  // in the camera's frame; in the shape's
     if constexpr (Wants::SURFACE) {
         const ShapeFromCamera& pose = look.pose;
-        place = LENS == PINHOLE ? Vec3 { depth * x, depth * y, -depth } : Vec3 { x, y, -depth };
-        ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
-        if constexpr (LENS == RAYS) {
-            place = depth * CameraRay<LENS> { x, y }.direction();
-            ray = pose.local(CameraRay<LENS> { x, y }.direction());
-        }
-        if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-            const OffsetRay beam = CameraRay<LENS> { x, y }.beam();
-            place = beam.start + depth * beam.direction;
-            ray = pose.local(beam.direction);
-        }
-        const Vec3 local = pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
+        const Vec3 local = locate_hit<LENS>(pose, x, y, depth, place, ray);
         surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {

@@ -1,0 +1,27 @@
+"""Triangles of meshes: which one a pixel sees, and where on it the hit is."""
+
+from warpcam.kernels.passes.derived import register_derived
+
+# Of the first row of a face in Meshes.faces the fourth number is the face as it was given. A back goes round its corners
+# the other way: its weights change places, as both are those of the face's own second and third corner.
+register_derived(
+    "triangles",
+    ("barycentrics", "faces"),
+    """
+    int face = -1;
+    float second = 0.0f, third = 0.0f;
+    if (seen.is(warpcam::MESH)) {
+        const warpcam::MeshStart start = warpcam::mesh_start<TYPES>(meshes, seen.pose);
+        face = warpcam::face_row(meshes, start.faces + 3 * seen.face).w;
+        const bool front = seen.surface.corner == 3 * (start.corners + face);
+        second = front ? seen.surface.weight1 : seen.surface.weight2;
+        third = front ? seen.surface.weight2 : seen.surface.weight1;
+    }
+    if (images.faces.data)
+        images.faces.data[pixel] = face;
+    if (images.barycentrics.data) {
+        images.barycentrics.data[2 * size_t(pixel)] = second;
+        images.barycentrics.data[2 * size_t(pixel) + 1] = third;
+    }
+    """,
+)
