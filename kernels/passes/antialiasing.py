@@ -80,7 +80,7 @@ def _kernel(key: EdgeKey, target_type: Any) -> wp.Kernel:
 
 
 @register("smooth edges", needs=("depth", "shape", "face"))
-def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind(planned: PlannedPass[EdgeKey], frame: CameraFrame) -> Stage:
     """Bind the stage that smooths the edges of one camera's images.
 
     What is left out of the trace no sample hits.

@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from warpcam.kernels.layers import LayerTables
 from warpcam.kernels.plan.frame import BUFFER, PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.runtime.flatten import flatten
@@ -52,7 +53,14 @@ class CameraFrame:
     group: Group
     device: wp.Device
 
-    def find(self, planned: PlannedPass, role: str) -> wp.array | None:
+    @property
+    def layers(self) -> LayerTables:
+        """Tables of what one layer cannot show, for passes that are planned where there are some."""
+        if self.tables.layers is None:
+            raise ValueError("layers: this scene has none")
+        return self.tables.layers
+
+    def find(self, planned: PlannedPass[Any], role: str) -> wp.array | None:
         """The array that a pass knows by that name, of one dimension; None if it has none."""
         name = planned.name_of(role)
         if name is None:
@@ -65,7 +73,7 @@ class CameraFrame:
             buffer = wp.array(ptr=buffer.ptr, shape=image.shape, dtype=image.dtype, device=self.device)
         return flatten(buffer)
 
-    def get(self, planned: PlannedPass, role: str) -> wp.array:
+    def get(self, planned: PlannedPass[Any], role: str) -> wp.array:
         """The array that a pass must have."""
         found = self.find(planned, role)
         if found is None:
@@ -73,7 +81,7 @@ class CameraFrame:
         return found
 
     def launch(
-        self, planned: PlannedPass, kernel: wp.Kernel, arguments: Sequence[Any], block_dim: int = THREADS
+        self, planned: PlannedPass[Any], kernel: wp.Kernel, arguments: Sequence[Any], block_dim: int = THREADS
     ) -> Stage:
         """Bind a pass's kernel to its arguments, with the planned threads for each world of the group."""
         return bind_launch(

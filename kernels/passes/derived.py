@@ -84,7 +84,7 @@ def register_derived(name: str, writes: tuple[str, ...], code: str) -> None:
     """
 
     @register(name, needs=("depth", "shape", "face"), writes=writes)
-    def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+    def bind(planned: PlannedPass[DerivedKey], frame: CameraFrame) -> Stage:
         tables = frame.tables
         shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
         frame_type, images_type = _frame_struct(shape.dtype, dtype_of(face)), _images_struct(writes)

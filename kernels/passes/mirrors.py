@@ -139,22 +139,22 @@ def _kernel(key: MirrorKey, target_type: Any) -> wp.Kernel:
 
 
 @register("mirrors")
-def bind_mirrors(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind_mirrors(planned: PlannedPass[None], frame: CameraFrame) -> Stage:
     """Bind the stage that finds each world's mirror, and writes the view from behind it where there is one."""
-    tables, layers = frame.tables, frame.tables.layers
+    tables, layers = frame.tables, frame.layers
     arguments = [tables.shapes, tables.materials, layers.mirrors, layers.reflectance, frame.mask, frame.views]
     return frame.launch(planned, write_mirrors, [*arguments, frame.width, frame.mirrors, frame.mirrored], BLOCK_DIM)
 
 
 @register("trace in mirrors")
-def bind_trace(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind_trace(planned: PlannedPass[MirrorKey], frame: CameraFrame) -> Stage:
     """Bind the trace of what one camera sees in mirrors; see ``_target_struct`` for the buffers."""
     tables = frame.tables
     seen_shape, shape, face = frame.get(planned, "seen shape"), frame.get(planned, "shape"), frame.find(planned, "face")
     target_type = _target_struct(shape.dtype, dtype_of(face), seen_shape.dtype)
     target = target_type()
     target.mask, target.faults, target.mirrors = frame.mask, frame.faults, frame.mirrors
-    target.veil_places = tables.layers.transparent_index
+    target.veil_places = frame.layers.transparent_index
     target.seen_depth, target.seen_shape = frame.get(planned, "seen depth"), seen_shape
     target.depth, target.shape = frame.get(planned, "depth"), shape
     if face is not None:

@@ -124,7 +124,7 @@ def _kernel(key: ShadingKey, frame_type: Any) -> wp.Kernel:
 
 
 @register("shading", needs=("depth", "shape", "face"), writes=tuple(IMAGES))
-def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     """Bind the kernel that writes one camera's derived images.
 
     Of the view from behind mirrors the images are what the mirrors show, black where they show nothing. In the view
@@ -139,10 +139,10 @@ def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
     if varied:
         seen.variety = tables.world_overrides
     if more:
-        seen.veils, seen.reach = tables.layers.transparent_shapes, tables.layers.reach
+        seen.veils, seen.reach = frame.layers.transparent_shapes, frame.layers.reach
         seen.mirrors = frame.mirrors
-        if tables.layers.haze is not None:
-            seen.haze = tables.layers.haze
+        if frame.layers.haze is not None:
+            seen.haze = frame.layers.haze
     seen.views = frame.mirrored if facts & ShadingFlag.MIRROR_VIEW else frame.views
     seen.mask, seen.width, seen.height = frame.mask, frame.width, frame.height
     seen.depth, seen.shape = frame.get(planned, "depth"), shape

@@ -74,7 +74,7 @@ def _kernel(key: ShadowKey, target_type: Any) -> wp.Kernel:
 
 
 @register("shadow", needs=("depth", "shape", "face"))
-def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind(planned: PlannedPass[ShadowKey], frame: CameraFrame) -> Stage:
     """Bind the shadow pass of one camera; it runs after the camera's trace."""
     tables = frame.tables
     shape, face = frame.get(planned, "shape"), frame.find(planned, "face")

@@ -110,14 +110,14 @@ def find_broken(
 
 
 @register("check of Gaussians")
-def bind_check(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind_check(planned: PlannedPass[None], frame: CameraFrame) -> Stage:
     """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number."""
     inputs = [frame.tables.shapes, frame.tables.splats, frame.mask, frame.faults, frame.views]
     return frame.launch(planned, find_broken, inputs, BLOCK_DIM)
 
 
 @register("Gaussians", needs=("depth", "shape"))
-def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind(planned: PlannedPass[SplatKey], frame: CameraFrame) -> Stage:
     """Bind the stage that draws clouds over one camera's images, which are else finished."""
     tables, key = frame.tables, planned.key
     exposed, solid = bool(key.images & SplatFlag.EXPOSED), bool(key.images & SplatFlag.SOLID)

@@ -2,8 +2,8 @@
 
 from warpcam.kernels.passes.derived import register_derived
 
-# Of the first row of a face in Meshes.faces the fourth number is the face as it was given. A back goes round its corners
-# the other way: its weights change places, as both are those of the face's own second and third corner.
+# The fourth number of a face's first row in Meshes.faces is the face as it was given. Weights are those of the face's
+# own second and third corner: a back goes round its corners the other way, so its weights change places.
 register_derived(
     "triangles",
     ("barycentrics", "faces"),

@@ -43,7 +43,7 @@ def _kind(outputs: TraceFlag) -> str:
 
 
 @register("trace")
-def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
+def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     """Bind the trace of one camera."""
     key, tables = planned.key, frame.tables
     arrays = {role: array for role in (*ARRAYS, "ids") if (array := frame.find(planned, role)) is not None}
@@ -67,7 +67,7 @@ def bind(planned: PlannedPass, frame: CameraFrame) -> Stage:
     if key.outputs & TraceFlag.SEMANTICS:
         target.labels.semantic_of = tables.labels["semantics"]
     if key.outputs & TraceFlag.OPAQUE:
-        target.veil_places = tables.layers.transparent_index
+        target.veil_places = frame.layers.transparent_index
     if frame.lists is not None and kind in ("plain", "flow"):
         target.lists = frame.lists.flatten()
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, frame.views, target]

@@ -6,7 +6,7 @@ counted from the plan.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import warp as wp
 
@@ -25,6 +25,8 @@ from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
+
+Key = TypeVar("Key")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
@@ -61,7 +63,7 @@ class ImageRequest:
 
 
 @dataclass(frozen=True)
-class PlannedPass:
+class PlannedPass(Generic[Key]):
     """A pass of one camera.
 
     Attributes:
@@ -72,7 +74,7 @@ class PlannedPass:
     """
 
     name: str
-    key: KernelKey | None
+    key: Key
     threads: int
     arrays: Arrays = ()
 
@@ -99,14 +101,14 @@ class FramePlan:
     lists: ListKey | None
     list_rows: int
     buffers: tuple[tuple[str, Any], ...]
-    visibility: tuple[PlannedPass, ...]
-    shading: tuple[PlannedPass, ...]
+    visibility: tuple[PlannedPass[Any], ...]
+    shading: tuple[PlannedPass[Any], ...]
     late: frozenset[str]
     mirrors: bool
     in_place: bool
 
     @property
-    def passes(self) -> tuple[PlannedPass, ...]:
+    def passes(self) -> tuple[PlannedPass[Any], ...]:
         """All passes, in the order of their launches."""
         return (*self.visibility, *self.shading)
 
@@ -153,7 +155,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     if transparent:  # what is seen through is not where the other outputs have it
         sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
         visibility = tuple(each for names, opaque in sets for part in planner.plan(names, opaque) for each in part)
-        last: tuple[PlannedPass, ...] = ()
+        last: tuple[PlannedPass[Any], ...] = ()
     else:
         visibility, last = planner.plan((*lit, *rest), False)
     lists = None
@@ -232,7 +234,9 @@ class _Planner:
     mirrors: bool
     listed: bool
 
-    def plan(self, outputs: Sequence[str], opaque: bool) -> tuple[tuple[PlannedPass, ...], tuple[PlannedPass, ...]]:
+    def plan(
+        self, outputs: Sequence[str], opaque: bool
+    ) -> tuple[tuple[PlannedPass[Any], ...], tuple[PlannedPass[Any], ...]]:
         """Passes of visibility and of shading; ``opaque``: of what is seen without transparent shapes."""
         tables, request = self.tables, self.request
         arrays, derived = self._traced(outputs)
@@ -246,7 +250,7 @@ class _Planner:
         first = [self._trace(arrays, opaque)]
         if shadows:
             first.append(self._pass("shadow", self._plan(shadow.plan_shadow), (*seen, *shadows)))
-        last: list[PlannedPass] = []
+        last: list[PlannedPass[Any]] = []
         reflecting = self.mirrors and bool(lit)
         colors = tuple((name, lit_into.get(name, name)) for name in lit)
         if reflecting:
@@ -292,7 +296,7 @@ class _Planner:
         size = (request.width, request.height)
         return trace.traces_albedo(self.tables, request.lens, *size, at_once, images, self.device)
 
-    def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass:
+    def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass[Any]:
         request, facts = self.request, shading.traced_albedo_facts(self.tables)
         roles = [role for role, _ in arrays]
         launch = trace.plan_trace(
@@ -309,7 +313,7 @@ class _Planner:
         )
         return self._pass("trace", launch, arrays)
 
-    def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass]:
+    def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
         """Passes that draw into the images what mirrors show; the mirrors' own colour comes on top."""
         mirrored = tuple((role, name) for role in VISIBLE if (name := f"{BUFFER}mirror {role}") in self.buffers)
         seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
@@ -330,13 +334,12 @@ class _Planner:
             request.height,
             names,
             shadows,
-            self.tables.layers,
             self.device,
             self.group,
             **how,
         )
 
-    def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass:
+    def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass[Any]:
         request = self.request
         images = {name: name for name in outputs if name in splats.IMAGES or name in history.OUTPUTS}
         if request.lens in launches.TABLES:
@@ -356,7 +359,7 @@ class _Planner:
         request = self.request
         return plan(self.tables, request.lens, request.width, request.height, *facts, self.device, self.group)
 
-    def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass:
+    def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass[Any]:
         return PlannedPass(name, launch.key, launch.threads, arrays)
 
     def _dtype(self, name: str) -> Any:

@@ -43,4 +43,8 @@ def register(name: str, *, needs: tuple[str, ...] = (), writes: tuple[str, ...] 
 
 def pass_of(output: str) -> Pass:
     """The pass that derives an output."""
-    return next(one for one in PASSES.values() if output in one.writes)
+    for one in PASSES.values():
+        if output in one.writes:
+            return one
+    derived = sorted(name for one in PASSES.values() for name in one.writes)
+    raise ValueError(f"pass_of: no pass derives {output!r}; derived are {', '.join(derived)}")

@@ -7,7 +7,6 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.flags import ImageFlag, Lens, ShadingFlag
-from warpcam.kernels.layers import LayerTables
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
 from warpcam.kernels.runtime.launch import Group
@@ -74,7 +73,6 @@ def plan_shading(
     height: int,
     outputs: Collection[str],
     shadows: bool,
-    layers: LayerTables | None,
     device: wp.Device,
     group: Group,
     *,
@@ -91,14 +89,13 @@ def plan_shading(
         height: Of the image [pixels].
         outputs: Names, those of IMAGES.
         shadows: There is an image of shadows.
-        layers: What of the scene one layer cannot show.
         device: Where it runs.
         group: Worlds that are drawn.
         mirrors: The scene reflects.
         mirrored: The view is the one from behind the mirrors.
         write_back: Transparent shapes that cover most of a pixel replace what was found there.
     """
-    layered = ShadingFlag(0)
+    layers, layered = tables.layers, ShadingFlag(0)
     transparent = 0
     if layers is not None and not set(LIT).isdisjoint(outputs):
         layered |= flag_if(ShadingFlag.MIRROR_VIEW if mirrored else ShadingFlag.HAS_MIRROR, mirrors)

@@ -12,8 +12,8 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.core import torch_interop
+from warpcam.outputs import OUTPUTS
 
 # Without "rgb": its light would only lengthen the compilation.
 NAMES = ("depth", "segmentation", "bodies", "distance")

@@ -18,8 +18,8 @@ from gymnasium.wrappers import FrameStackObservation  # noqa: E402
 from gymnasium.wrappers.vector import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
 from slider_env import HEIGHT, LONGEST, WIDTH, Sliders, assert_same, pixels, renderer_of  # noqa: E402
 
-from warpcam.camera.outputs import OUTPUTS  # noqa: E402
 from warpcam.envs import OneWorld, PixelObservation  # noqa: E402
+from warpcam.outputs import OUTPUTS  # noqa: E402
 
 
 def test_tensors_are_the_renderers_own_memory(device: wp.Device) -> None:

@@ -8,8 +8,13 @@ import warp as wp
 from native_kernel import native_kernel
 
 from warpcam.kernels import types
+from warpcam.kernels.layers import Mirror
+from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes import shading
-from warpcam.kernels.plan.shading import MAX_KEPT
+from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.plan.frame import BUFFER, PlannedPass
+from warpcam.kernels.plan.shading import IMAGES, MAX_KEPT, plan_shading
+from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
 DEVICES = [str(device) for device in wp.get_devices()]
@@ -265,14 +270,26 @@ def test_images_of_a_ball(lens, width, height, count, device):
         return wp.array(np.broadcast_to(values, (worlds, *values.shape)), dtype=dtype, device=device)
 
     images = {
-        name: wp.full((worlds, height, width, channels), 9, dtype=dtype, device=device)
-        for name, (dtype, channels) in shading.OUTPUTS.items()
+        name: wp.full((worlds, height, width, OUTPUTS[name].channels), 9, dtype=OUTPUTS[name].dtype, device=device)
+        for name in IMAGES
     }
-    shading.bind(
-        images, lens, ball_tables(device, worlds, count), wp.array([view] * worlds, dtype=types.View, device=device),
-        wp.array([1, 0, 1], dtype=wp.uint8, device=device), repeated(depth, wp.float32), repeated(shape, wp.int32),
-        repeated(shape, wp.int32), None, width, height, wp.get_device(device),
-    ).launch()  # fmt: skip
+    tables, card = ball_tables(device, worlds, count), wp.get_device(device)
+    plan = plan_shading(tables, lens, width, height, IMAGES, False, card, Group.of_all(worlds))
+    seen = tuple((role, BUFFER + role) for role in ("depth", "shape", "face"))
+    planned = PlannedPass("shading", plan.key, plan.threads, (*seen, *((name, name) for name in IMAGES)))
+    buffers = {
+        BUFFER + "depth": repeated(depth, wp.float32),
+        BUFFER + "shape": repeated(shape, wp.int32),
+        BUFFER + "face": repeated(shape, wp.int32),
+    }
+    frame = CameraFrame(
+        tables=tables, width=width, height=height, lens=lens, images=images, buffers=buffers,
+        views=wp.array([view] * worlds, dtype=types.View, device=device),
+        mask=wp.array([1, 0, 1], dtype=wp.uint8, device=device), faults=wp.zeros(worlds, dtype=wp.uint8, device=device),
+        mirrors=wp.empty(0, dtype=Mirror, device=device), mirrored=wp.empty(0, dtype=types.View, device=device),
+        flow_history=None, lists=None, group=Group.of_all(worlds), device=card,
+    )  # fmt: skip
+    shading.bind(planned, frame).launch()
 
     images = {name: image.numpy() for name, image in images.items()}
     assert all((image[1] == 9).all() for image in images.values())
@@ -285,8 +302,3 @@ def test_images_of_a_ball(lens, width, height, count, device):
     np.testing.assert_array_equal(got["rgba"][..., :3], got["rgb"])
     np.testing.assert_array_equal(got["rgba"][..., 3], np.where(hit, 255, 0))
     np.testing.assert_array_equal(got["albedo"], np.where(hit[..., None], [255, 51, 0], 0))
-
-
-def test_an_output_made_elsewhere_is_named():
-    with pytest.raises(ValueError, match=r"\['flow'\] are not made here"):
-        shading.bind({"flow": None}, "pinhole", None, None, None, None, None, None, None, 1, 1, None)

@@ -18,7 +18,9 @@ from warpcam.kernels.flags import (
     ShadingFlag,
     TraceFlag,
 )
-from warpcam.kernels.plan import edges, frame, shading, shadow, trace
+from warpcam.kernels.outputs import OUTPUTS
+from warpcam.kernels.plan import edges, frame, shading, shadow, trace, words
+from warpcam.kernels.plan.passes import PASSES, pass_of, register
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
@@ -108,11 +110,11 @@ def test_backs_of_meshes_shade() -> None:
 @pytest.mark.parametrize(("width", "strips"), [(64, True), (60, False)])
 def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) -> None:
     tables = scene(types.PLANE, types.BOX)
-    plan = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, None, CARD, ALL)
+    plan = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, CARD, ALL)
     assert (ShadingFlag.PLANE_STRIPS in plan.key.facts) == strips
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)
-    on_cpu = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, None, CPU, ALL)
+    on_cpu = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, CPU, ALL)
     assert not on_cpu.key.facts & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
 
 
@@ -126,14 +128,81 @@ def test_edges_are_smoothed_in_place_where_worlds_fill_the_device() -> None:
     assert not key(scene()).in_place
 
 
-def test_a_plan_in_words_names_flags() -> None:
+def test_a_key_in_words_names_flags() -> None:
     key = traced(scene(types.MESH, types.PLANE, flags=SceneFlag.TWO_SIDED), CARD)
     assert key.types.geometry == GeometryFlag.PLANE | GeometryFlag.MESH
     assert key.lens is Lens.PINHOLE
-    plan = frame.FramePlan.of([key, key])
-    assert plan.keys == (key,)
-    for word in ("trace:", "PLANE MESH TWO_SIDED", "PINHOLE", "DEPTH SHAPE", "64x64", "several no"):
-        assert word in str(plan)
+    line = words.describe("trace", key)
+    for word in ("trace:", "PLANE MESH TWO_SIDED", "PINHOLE", "DEPTH SHAPE", "64x64", "several no", "blocks 8 on"):
+        assert word in line
+
+
+def planned(*outputs: str, device: Any = CARD, of: SceneTables | None = None, **request: Any) -> frame.FramePlan:
+    tables = scene(types.MESH) if of is None else of
+    return frame.plan_frame(tables, frame.ImageRequest(64, 64, "pinhole", outputs, **request), device)
+
+
+def test_a_plan_is_frozen_and_equal_by_value() -> None:
+    plan = planned("rgb", "depth", shadows=True)
+    assert plan == planned("rgb", "depth", shadows=True)
+    assert hash(plan.passes) == hash(planned("rgb", "depth", shadows=True).passes)
+    with pytest.raises(FrozenInstanceError):
+        plan.buffers = ()  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(
+    ("outputs", "names", "buffers"),
+    [
+        (("depth", "segmentation"), ["trace"], set()),
+        (("rgb",), ["trace", "shadow", "shading"], {"depth", "shape", "face", "shadow"}),
+        (("rgb", "depth", "segmentation"), ["trace", "shadow", "shading"], {"face", "shadow"}),
+        (("normals", "depth"), ["trace", "shading"], {"shape", "face"}),
+        (("faces",), ["trace", "triangles"], {"depth", "shape", "face"}),
+        (("faces", "albedo", "depth"), ["trace", "shading", "triangles"], {"shape", "face"}),
+    ],
+)
+def test_passes_and_buffers_follow_from_the_outputs(
+    outputs: tuple[str, ...], names: list[str], buffers: set[str]
+) -> None:
+    plan = planned(*outputs, shadows=True)
+    assert [each.name for each in plan.passes] == names
+    assert {name for name, _ in plan.buffers} == {frame.BUFFER + name for name in buffers}
+    written = {name for each in plan.passes for _, name in each.arrays}
+    assert written == set(outputs) | {name for name, _ in plan.buffers}
+
+
+def test_smooth_edges_have_a_pass_and_a_buffer_unless_in_place() -> None:
+    many, few = planned("rgb", antialiasing=4), planned("rgb", antialiasing=4, of=scene(types.MESH, num_worlds=100))
+    assert many.in_place and not few.in_place
+    assert [each.name for each in few.passes] == ["trace", "shading", "smooth edges"]
+    assert "buffer lit rgb" in dict(few.buffers)
+    assert "buffer lit rgb" not in dict(many.buffers)
+
+
+def test_buffers_of_a_plan_do_not_depend_on_the_group() -> None:
+    tables, request = scene(types.MESH), frame.ImageRequest(64, 64, "pinhole", ("rgb",), shadows=True)
+    large, small = (frame.plan_frame(tables, request, CARD, Group.of_all(count)) for count in (8192, 8))
+    assert large.buffers == small.buffers
+    assert large.keys != small.keys
+    assert set(frame.merged([large, small]).keys) == {*large.keys, *small.keys}
+
+
+@pytest.mark.parametrize("name", sorted(name for name, output in OUTPUTS.items() if output.trace is None))
+def test_each_derived_output_has_one_pass(name: str) -> None:
+    assert [one.name for one in PASSES.values() if name in one.writes] == [pass_of(name).name]
+
+
+def test_an_output_that_no_pass_derives_is_named() -> None:
+    with pytest.raises(ValueError, match="no pass derives 'flow'; derived are albedo, barycentrics"):
+        pass_of("flow")
+
+
+def test_a_pass_is_registered_once() -> None:
+    with pytest.raises(ValueError, match="a pass 'trace' is there already"):
+        register("trace")(lambda planned, frame: None)
+    with pytest.raises(ValueError, match=r"outputs \['rgb'\] of 'mine' are derived by another pass"):
+        register("mine", writes=("rgb",))(lambda planned, frame: None)
+    assert "mine" not in PASSES
 
 
 def test_a_renderer_tells_its_plan() -> None:
@@ -143,3 +212,4 @@ def test_a_renderer_tells_its_plan() -> None:
     (key,) = plans["top"].keys
     assert isinstance(key, trace.TraceKey)
     assert TraceFlag.DEPTH in key.outputs
+    assert str(plans["top"]).splitlines() == ["views", words.describe("trace", key)]

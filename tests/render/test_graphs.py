@@ -9,8 +9,8 @@ import warp as wp
 from sphere_scenes import BALL, NUM_WORLDS, Simulation, every_device, host, on_cuda
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.kernels.runtime.streams import nonblocking_stream
+from warpcam.outputs import OUTPUTS
 
 
 @on_cuda

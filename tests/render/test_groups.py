@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from scratch import scratch_of
 from small_scene import GLASS, MIRROR, camera, scene_of
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
+from warpcam.outputs import OUTPUTS
 from warpcam.render import renderer as rendering
 from warpcam.render import scratch_memory
 
@@ -133,7 +134,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
     made: list[Any] = []
 
     def counted(self: wc.Renderer, phases: Any, images: Any) -> Any:
-        late = {key: target.written_by_last_stage for key, target in self._passes.items()}
+        late = {key: target.plan.late for key, target in self._passes.items()}
         made.append((len(phases), self._scratch.phases_of_rounds(images, late, rendering.ROUNDS)))
         return made[-1][1]
 
@@ -197,7 +198,7 @@ def test_what_a_turn_needs_lies_in_no_image_that_is_there(turns: int) -> None:
     }
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
-        block = scratch_memory.Scratch(cameras, tables, wp.get_device("cpu"))
+        block = scratch_of(cameras, tables, wp.get_device("cpu"))
     block.allocate()
     late = {"top": ["rgb"], "side": ["rgb"]}
     drawn: set[tuple[str | int, str, int]] = set()  # images that are there
@@ -224,10 +225,7 @@ def test_no_chains_where_their_share_has_no_room_for_a_world(monkeypatch: pytest
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 1)
     camera_of_few = camera(outputs=("rgb",), shadows=True)
     tables = scene_of("cpu", 2).tables()
-    assert (
-        scratch_memory.Scratch({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.CHAINS)
-        is None
-    )
+    assert scratch_of({"top": camera_of_few}, tables, wp.get_device("cpu")).chains({}, rendering.CHAINS) is None
 
 
 def test_groups_of_worlds_may_be_captured(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,8 +13,8 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.kernels.runtime.launch import FrameGraph
+from warpcam.outputs import OUTPUTS
 
 MOST = 100  # calls of Python functions in `render()`, of which thirty microseconds are enough for more
 MODEL = """

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import warp as wp
 from allocation_ledger import Ledger
+from scratch import scratch_of
 from small_scene import GLASS, MIRROR, camera, scene_of
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.kernels.runtime.flatten import flatten
+from warpcam.outputs import OUTPUTS
 from warpcam.render import memory, scratch_memory
 
 CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 1"/>'
@@ -237,10 +238,10 @@ def test_more_than_is_free_is_an_error_before_anything_is_taken(monkeypatch: pyt
 def test_scratch_of_more_bytes_than_a_dimension_counts() -> None:
     scene = one_scene_of("cpu", 2)
     large = camera(width=20000, height=20000, outputs=("hdr", "normals", "points"))
-    block = scratch_memory.Scratch({"large": large}, scene.tables(), scene.device)
+    block = scratch_of({"large": large}, scene.tables(), scene.device)
     assert block.size > 2**31
     block.allocate()  # never written to: nothing is taken but addresses
-    places = [each.buffers["face"] for phase in block.phases(None) for each in phase]
+    places = [each.buffers["buffer face"] for phase in block.phases(None) for each in phase]
     assert len(places) == 1 and places[0].shape == (2, 20000, 20000, 1)
 
 

@@ -8,9 +8,9 @@ import warp as wp
 from sphere_scenes import BALL, MODEL, NUM_WORLDS, Simulation, every_device, host
 
 import warpcam as wc
-from warpcam.camera.outputs import OUTPUTS
 from warpcam.kernels.passes import shading as shading_pass
 from warpcam.kernels.plan import shading, shadow, trace
+from warpcam.outputs import OUTPUTS
 
 
 def test_outputs_agree_with_the_kernel_that_makes_them() -> None:

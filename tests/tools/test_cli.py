@@ -178,7 +178,7 @@ def test_joint_positions_stay_within_ranges() -> None:
 
 
 def test_pictures_of_every_output() -> None:
-    from warpcam.camera.outputs import OUTPUTS
+    from warpcam.outputs import OUTPUTS
 
     assert set(visualize.PICTURES) >= set(OUTPUTS)
 

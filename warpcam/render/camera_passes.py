@@ -31,7 +31,9 @@ def check_size(camera: Camera, num_worlds: int) -> None:
 
 def request_of(camera: Camera, projection: Projection) -> ImageRequest:
     """The images that a camera asks for."""
-    return ImageRequest(camera.width, camera.height, projection, camera.outputs, camera.shadows, camera.antialiasing)
+    return ImageRequest(
+        camera.width, camera.height, projection, tuple(camera.outputs), camera.shadows, camera.antialiasing
+    )
 
 
 @dataclass(frozen=True)
