@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.outputs import OUTPUTS
 from warpcam.render.renderer import Renderer
 
 try:
@@ -22,15 +23,6 @@ except ImportError as error:
 
 LAYOUTS = ("HWC", "CHW")
 KINDS = ("numpy", "torch")
-
-# Lowest and highest value of the outputs that do not take all that their dtype has.
-_BOUNDS = {
-    "depth": (0.0, np.inf),
-    "distance": (0.0, np.inf),
-    "hdr": (0.0, np.inf),
-    "normals": (-1.0, 1.0),
-    "flow_valid": (0, 1),
-}
 
 
 class PixelObservation(VectorWrapper):  # type: ignore[misc]
@@ -222,7 +214,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
     def _space(self, own: Any) -> Any:
         """Batch the values of one world."""
         images = {
-            key: self._box("" if key in self._behind else output, tensor)
+            key: self._box(tensor, None if key in self._behind else OUTPUTS[output].span)
             for key, (output, tensor) in self._images.items()
         }
         if self._concatenate:
@@ -235,10 +227,10 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
             raise WarpcamError(f"PixelObservation: the env's observations have {twice} already; rename the cameras")
         return gymnasium.spaces.Dict({**beside, **images})
 
-    def _box(self, output: str, tensor: torch_interop.Tensor) -> Any:
+    def _box(self, tensor: torch_interop.Tensor, span: tuple[float, float] | None) -> Any:
         dtype = torch_interop.to_numpy(tensor[:0]).dtype
         every = (-np.inf, np.inf) if dtype.kind == "f" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
-        low, high = _BOUNDS.get(output, every)
+        low, high = span or every
         height, width, channels = tensor.shape[1:]
         shape = (channels, height, width) if self._layout == "CHW" else (height, width, channels)
         return gymnasium.spaces.Box(low, high, shape, dtype.type)

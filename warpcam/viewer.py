@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from warpcam import visualize
+from warpcam import outputs, visualize
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Pinhole
 from warpcam.core.errors import WarpcamError
@@ -20,7 +20,7 @@ except ImportError as error:
     ) from error
 
 FREE = "free"  # the camera that each page moves
-OUTPUTS = tuple(name for name in visualize.PICTURES if name not in ("rgba", "flow_valid"))
+OUTPUTS = tuple(name for name in outputs.OUTPUTS if name not in ("rgba", "flow_valid"))
 SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
 QUALITY = 85  # of the pictures, which are sent as JPEG
 

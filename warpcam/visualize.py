@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from cmap import Colormap
 
+from warpcam.outputs import OUTPUTS
+
 GAP = 2  # between the worlds of a sheet [pixels]
 PAPER = 255  # grey of the sheet behind them
 NOTHING = 0  # grey of a pixel that hit nothing
@@ -78,21 +80,25 @@ def from_flags(images: np.ndarray) -> np.ndarray:
     return np.repeat(np.where(images > 0, 255, 0).astype(np.uint8), 3, axis=-1)
 
 
+def from_weights(images: np.ndarray) -> np.ndarray:
+    """Barycentric weights of a triangle's first, second and third corner as red, green and blue."""
+    first = 1.0 - images.sum(axis=-1, keepdims=True)
+    seen = np.abs(images).sum(axis=-1) > 0.0
+    return _where(seen, np.round(255.0 * np.clip(np.concatenate((first, images), axis=-1), 0.0, 1.0)).astype(np.uint8))
+
+
+# By the names that rows of OUTPUTS have for them.
 PICTURES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
-    "rgb": from_colors,
-    "rgba": from_colors,
-    "albedo": from_colors,
-    "hdr": from_radiance,
-    "depth": from_lengths,
-    "distance": from_lengths,
-    "normals": from_directions,
+    "colors": from_colors,
+    "radiance": from_radiance,
+    "lengths": from_lengths,
+    "directions": from_directions,
     "points": from_points,
-    "segmentation": from_ids,
-    "bodies": from_ids,
-    "instances": from_ids,
-    "semantics": from_labels,
+    "ids": from_ids,
+    "labels": from_labels,
     "flow": from_flow,
-    "flow_valid": from_flags,
+    "flags": from_flags,
+    "weights": from_weights,
 }
 
 
@@ -101,7 +107,7 @@ def picture(output: str, images: np.ndarray) -> np.ndarray:
 
     Colour scales are shared by all worlds of the call.
     """
-    return PICTURES[output](images)
+    return PICTURES[OUTPUTS[output].picture](images)
 
 
 def sheet(pictures: np.ndarray) -> np.ndarray:

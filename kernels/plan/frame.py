@@ -83,6 +83,9 @@ class PlannedPass(Generic[Key]):
         return dict(self.arrays).get(role)
 
 
+Passes = tuple[PlannedPass[Any], ...]
+
+
 @dataclass(frozen=True)
 class FramePlan:
     """Passes and buffers of one camera.
@@ -101,14 +104,14 @@ class FramePlan:
     lists: ListKey | None
     list_rows: int
     buffers: tuple[tuple[str, Any], ...]
-    visibility: tuple[PlannedPass[Any], ...]
-    shading: tuple[PlannedPass[Any], ...]
+    visibility: Passes
+    shading: Passes
     late: frozenset[str]
     mirrors: bool
     in_place: bool
 
     @property
-    def passes(self) -> tuple[PlannedPass[Any], ...]:
+    def passes(self) -> Passes:
         """All passes, in the order of their launches."""
         return (*self.visibility, *self.shading)
 
@@ -155,7 +158,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     if transparent:  # what is seen through is not where the other outputs have it
         sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
         visibility = tuple(each for names, opaque in sets for part in planner.plan(names, opaque) for each in part)
-        last: tuple[PlannedPass[Any], ...] = ()
+        last: Passes = ()
     else:
         visibility, last = planner.plan((*lit, *rest), False)
     lists = None
@@ -234,9 +237,7 @@ class _Planner:
     mirrors: bool
     listed: bool
 
-    def plan(
-        self, outputs: Sequence[str], opaque: bool
-    ) -> tuple[tuple[PlannedPass[Any], ...], tuple[PlannedPass[Any], ...]]:
+    def plan(self, outputs: Sequence[str], opaque: bool) -> tuple[Passes, Passes]:
         """Passes of visibility and of shading; ``opaque``: of what is seen without transparent shapes."""
         tables, request = self.tables, self.request
         arrays, derived = self._traced(outputs)

@@ -180,7 +180,7 @@ def test_joint_positions_stay_within_ranges() -> None:
 def test_pictures_of_every_output() -> None:
     from warpcam.outputs import OUTPUTS
 
-    assert set(visualize.PICTURES) >= set(OUTPUTS)
+    assert {output.picture for output in OUTPUTS.values()} == set(visualize.PICTURES)
 
 
 def test_lengths_are_bright_when_near_and_black_when_missing() -> None:

@@ -31,9 +31,8 @@ def check_size(camera: Camera, num_worlds: int) -> None:
 
 def request_of(camera: Camera, projection: Projection) -> ImageRequest:
     """The images that a camera asks for."""
-    return ImageRequest(
-        camera.width, camera.height, projection, tuple(camera.outputs), camera.shadows, camera.antialiasing
-    )
+    outputs = tuple(camera.outputs)
+    return ImageRequest(camera.width, camera.height, projection, outputs, camera.shadows, camera.antialiasing)
 
 
 @dataclass(frozen=True)
