@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.accel.gaussians import GaussianCloud
+from warpcam.core.color import encoded_beyond
 from warpcam.kernels.types import SPLATS
 from warpcam.sources.common.geometry import SAME, RenderShape, polar
 
@@ -40,8 +41,7 @@ def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
     """Display colours (n, 3) float32 of coefficients of degree 0."""
     colors = np.maximum(BASE * harmonics.astype(np.float64) + 0.5, 0.0)
     if linear:
-        small = colors <= 0.0031308
-        colors = np.where(small, 12.92 * colors, 1.055 * np.maximum(colors, 0.0031308) ** (1.0 / 2.4) - 0.055)
+        colors = encoded_beyond(colors)
     return colors.astype(np.float32)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom, UsdShade
 
+from warpcam.core.color import linear_to_srgb
 from warpcam.sources.common import materials
 from warpcam.sources.common.images import (
     ENCODED,
@@ -346,7 +347,7 @@ class MaterialReader:
             raw = reader.color_space == "raw" or (reader.color_space == "auto" and pixels.shape[2] == 1)
             if (reader.scale[:3] != 1.0).any() or (reader.bias[:3] != 0.0).any():
                 linear = shown / 255.0 if raw else LINEAR[shown]
-                shown = np.rint(255.0 * materials.encoded(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
+                shown = np.rint(255.0 * linear_to_srgb(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
             elif raw:
                 shown = ENCODED[shown]
             self._textures[key] = self._add_texture(reader.asset.path, shown)
