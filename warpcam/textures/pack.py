@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from warpcam.accel.lru_cache import LruCache, key_of
 from warpcam.core.color import encoded_beyond, srgb_to_linear
 from warpcam.core.errors import WarpcamError
+from warpcam.core.lru_cache import LruCache, key_of
 from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, Textures
 
 MAX_TEXELS = 2**31 - 1
