@@ -217,7 +217,17 @@ class MeshReader:
             self._collector.warn(
                 "is moved by a skeleton, which is not followed: its points are drawn as they stand", name
             )
-        return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
+        return Triangles(
+            name=name,
+            points=points,
+            vertices=indices[corners],
+            corners=corners,
+            faces=faces,
+            counts=totals,
+            smooth=smooth,
+            two_sided=two_sided,
+            moves=moves,
+        )
 
     def _uvs(self, prim: Usd.Prim, bound: BoundMaterial, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
         """(triangle, 3, 2), v up."""
