@@ -40,7 +40,7 @@ TAKEN = {
 def add(parser: argparse.ArgumentParser) -> None:
     parser.description, parser.epilog = ABOUT, EXAMPLES
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    what = parser.add_argument_group("what is measured")
+    what = parser.add_argument_group("measurements")
     what.add_argument(
         "--case", nargs="+", metavar="NAME", help=f"scenes: {', '.join(CASES)} (default: all whose files are installed)"
     )

@@ -29,10 +29,21 @@ class Draw:
 
 
 @wp.func
-def start(draw: Draw, world: wp.int32, row: wp.int32) -> wp.uint32:
-    """The state of the generator for one entry."""
+def start(draw: Draw, place: wp.int32):
+    """World and row of an entry, and the state of its random generator."""
+    count = draw.rows.shape[0]
+    world = place // count
+    entry = place - world * count
     seed = draw.seeds[world % draw.seeds.shape[0]]
-    return wp.rand_init(wp.int32(wp.rand_init(seed, draw.salt)), wp.int32(wp.rand_init(world, row)))
+    own = wp.rand_init(world, draw.owners[entry])
+    return world, draw.rows[entry], wp.rand_init(wp.int32(wp.rand_init(seed, draw.salt)), wp.int32(own))
+
+
+@wp.func
+def choose(choices: wp.array(dtype=wp.int32), state: wp.uint32) -> wp.int32:
+    """Draw one of ``choices``, all as likely."""
+    count = choices.shape[0]
+    return choices[wp.min(wp.int32(wp.randf(state) * wp.float32(count)), count - 1)]
 
 
 @wp.kernel(enable_backward=False)
@@ -42,13 +53,9 @@ def draw_numbers(
     out: wp.array3d(dtype=wp.float32),
     first: wp.int32,
 ):
-    place = first + wp.tid()
-    count = draw.rows.shape[0]
-    world = place // count
+    world, row, state = start(draw, first + wp.tid())
     if draw.mask[world] == wp.uint8(0):
         return
-    row = draw.rows[place - world * count]
-    state = start(draw, world, draw.owners[place - world * count])
     part = wp.randf(state)
     for k in range(out.shape[2]):
         if draw.linked == 0 and k > 0:
@@ -69,13 +76,9 @@ def draw_turns(
     first: wp.int32,
 ):
     """Turn directions x y z, or quaternions w x y z, by an angle about any axis."""
-    place = first + wp.tid()
-    count = draw.rows.shape[0]
-    world = place // count
+    world, row, state = start(draw, first + wp.tid())
     if draw.mask[world] == wp.uint8(0):
         return
-    row = draw.rows[place - world * count]
-    state = start(draw, world, draw.owners[place - world * count])
     angle = wp.radians(draw.low[0] + wp.randf(state) * (draw.high[0] - draw.low[0]))
     axis = wp.sample_unit_sphere_surface(state)
     if out.shape[2] == 3:
@@ -102,15 +105,10 @@ def draw_choices(
     out: wp.array3d(dtype=wp.int32),
     first: wp.int32,
 ):
-    place = first + wp.tid()
-    count = draw.rows.shape[0]
-    world = place // count
+    world, row, state = start(draw, first + wp.tid())
     if draw.mask[world] == wp.uint8(0):
         return
-    row = draw.rows[place - world * count]
-    state = start(draw, world, draw.owners[place - world * count])
-    chosen = wp.min(wp.int32(wp.randf(state) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
-    out[world, row, column] = choices[chosen]
+    out[world, row, column] = choose(choices, state)
 
 
 @wp.kernel(enable_backward=False)
@@ -120,16 +118,12 @@ def draw_switches(
     out: wp.array3d(dtype=wp.uint8),
     first: wp.int32,
 ):
-    place = first + wp.tid()
-    count = draw.rows.shape[0]
-    world = place // count
+    world, row, state = start(draw, first + wp.tid())
     if draw.mask[world] == wp.uint8(0):
         return
-    row = draw.rows[place - world * count]
-    state = start(draw, world, draw.owners[place - world * count])
-    chosen = wp.min(wp.int32(wp.randf(state) * wp.float32(choices.shape[0])), choices.shape[0] - 1)
+    chosen = choose(choices, state)
     for k in range(out.shape[2]):
-        out[world, row, k] = wp.uint8(choices[chosen])
+        out[world, row, k] = wp.uint8(chosen)
 
 
 def bind_draw(draw: Draw, out: wp.array, more: Any, device: wp.Device, column: int = 0) -> Stage:

@@ -50,6 +50,10 @@ def at(x: float, y: float, z: float) -> gymapi.Transform:
     return gymapi.Transform(p=gymapi.Vec3(x, y, z))
 
 
+def wrapped(tensor: gymapi.Tensor) -> torch.Tensor:
+    return gymtorch.wrap_tensor(tensor)
+
+
 def tensors_of(sim: gymapi.Sim, env: gymapi.Env, camera: int, kinds: Any = KINDS) -> dict[Any, torch.Tensor]:
     return {kind: gymtorch.wrap_tensor(GYM.get_camera_image_gpu_tensor(sim, env, camera, kind)) for kind in kinds}
 

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.accel.meshes import child_by_child
 from warpcam.core.errors import WarpcamError
+from warpcam.core.rotations import rotation_matrices
 from warpcam.kernels.build import box_bvh4
 from warpcam.kernels.types import Splats
 
@@ -111,7 +112,7 @@ def _gaussians(cloud: GaussianCloud) -> tuple[np.ndarray, np.ndarray, np.ndarray
     centers = cloud.positions[seen].astype(np.float64)
     opacities, scales = cloud.opacities[seen].astype(np.float64), cloud.scales[seen].astype(np.float64)
     reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / MIN_ALPHA))
-    axes = _matrices(cloud.rotations[seen].astype(np.float64))  # columns
+    axes = rotation_matrices(cloud.rotations[seen].astype(np.float64))  # columns
     radii = scales * np.sqrt(reach)[:, None]
     rows = np.zeros((len(centers), 4, 4), np.float32)
     rows[:, :3, :3] = (axes / radii[:, None, :]).transpose(0, 2, 1)
@@ -138,14 +139,3 @@ def _check(cloud: GaussianCloud) -> None:
             )
     if not (np.linalg.norm(cloud.rotations, axis=1) > 0.0).all():
         raise WarpcamError(f"splats '{cloud.name}': rotations must be quaternions of any length but 0")
-
-
-def _matrices(quaternions: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) of quaternions w x y z."""
-    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return np.array(rows).transpose(2, 0, 1)

@@ -7,9 +7,9 @@ import numpy as np
 import warp as wp
 
 from warpcam.accel.bvh4 import Bvh4, build_bvh4s
-from warpcam.accel.lru_cache import LruCache, key_of
 from warpcam.accel.occluder_boxes import FEW_FACES, are_worth, pack_occluder_boxes
 from warpcam.core.errors import WarpcamError
+from warpcam.core.lru_cache import LruCache, key_of
 from warpcam.kernels.build import horizon_maps, occluder_boxes
 from warpcam.kernels.runtime.compile import compile_in_background
 from warpcam.kernels.runtime.launch import BLOCK_DIM

@@ -16,7 +16,7 @@ import warp as wp
 from warpcam.accel.offset_ray_tables import offset_table_floats
 from warpcam.accel.ray_tables import MOST_PIXELS, table_floats
 from warpcam.camera.lens import Lens, Projection
-from warpcam.core import torch_interop
+from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
 
 ROUNDS = 50  # of the search for a distorted ray
@@ -341,13 +341,7 @@ def _shape(value: Any) -> tuple[int, ...]:
 
 
 def _numbers(value: Any, where: str) -> np.ndarray:
-    try:
-        raw = np.asarray(torch_interop.to_numpy(value))
-    except (TypeError, ValueError, RuntimeError):
-        raise WarpcamError(f"{where} must be numbers, got {value!r}") from None
-    if raw.dtype.kind not in "iuf":
-        raise WarpcamError(f"{where} must be numbers, got {value!r}")
-    numbers = raw.astype(np.float64)
+    numbers = as_numbers(value, where).astype(np.float64)
     if not np.isfinite(numbers).all():
         raise WarpcamError(f"{where} must be finite, got {numbers[~np.isfinite(numbers)].flat[0]}")
     return numbers

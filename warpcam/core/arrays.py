@@ -10,6 +10,21 @@ from warpcam.core.errors import WarpcamError
 MAX_EXPOSURE = 127  # beyond, 2 to it is no float32
 
 
+def as_numbers(value: Any, where: str, allowed: str = "numbers") -> np.ndarray:
+    """A user's numbers as an array on the host, of whatever shape and real dtype.
+
+    Raises:
+        WarpcamError: ``value`` is no array of numbers; the text says that ``where`` must be ``allowed``.
+    """
+    try:
+        raw = np.asarray(torch_interop.to_numpy(value))
+    except (TypeError, ValueError, RuntimeError):
+        raise WarpcamError(f"{where} must be {allowed}, got {value!r}") from None
+    if raw.dtype.kind not in "iuf":
+        raise WarpcamError(f"{where} must be {allowed}, got {value!r}")
+    return raw
+
+
 def per_world(
     value: Any, where: str, num_worlds: int, width: tuple[int, ...], *, may_be_infinite: bool = False
 ) -> np.ndarray:
@@ -21,12 +36,7 @@ def per_world(
     several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
     allowed = f"{width or 'a number'} or {several}"
     torch_interop.require_wxyz(value, where)
-    try:
-        raw = np.asarray(torch_interop.to_numpy(value))
-    except (TypeError, ValueError, RuntimeError):
-        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}") from None
-    if raw.dtype.kind not in "iuf":
-        raise WarpcamError(f"{where} must be numbers, {allowed}, got {value!r}")
+    raw = as_numbers(value, where, f"numbers, {allowed}")
     with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
         numbers = raw.astype(np.float32)
     if numbers.shape not in (width, (num_worlds, *width)):

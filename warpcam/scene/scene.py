@@ -34,7 +34,7 @@ from warpcam.kernels.types import (
 )
 from warpcam.scene.bounds import Bounds, bounds_of
 from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, Source, live_arrays_of
-from warpcam.scene.validation import check_array, check_description, check_indices
+from warpcam.scene.validation import check_array, check_description, check_indices, find_body, find_index
 from warpcam.scene.world_overrides import WorldOverrides
 from warpcam.textures.hardware_mipmaps import pack_mips
 from warpcam.textures.mip_atlas import pack_mip_atlases
@@ -235,24 +235,14 @@ class Scene:
 
     def camera(self, key: str | int, where: str) -> int:
         """Index of the source's camera of that name or index."""
-        return _find(key, self.cameras, where, "camera")
+        return find_index(key, self.cameras, where, "camera")
 
     def camera_kind(self, index: int) -> SceneCamera:
         return self._parts.cameras[index]
 
     def body(self, key: str | int, where: str) -> int:
         """Index of the source's body of that name or index."""
-        parts = self._parts
-        if parts.body_labels is not None and parts.body_places is not None:
-            if isinstance(key, str) and key in parts.body_labels:
-                return int(parts.body_places[parts.body_labels.index(key)])
-            if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(parts.body_places):
-                return int(parts.body_places[key])
-            if not isinstance(key, str):
-                raise WarpcamError(
-                    f"{where}: the scene has no body {key!r}; it has indices 0 to {len(parts.body_places) - 1}"
-                )
-        return _find(key, tuple(parts.bodies), where, "body")
+        return find_body(self._parts, key, where)
 
     def tables(self) -> SceneTables:
         """The scene for the kernels: the same object until the source's arrays are others."""
@@ -393,12 +383,3 @@ def _fill(struct: Any, prefix: str, arrays: Mapping[str, wp.array]) -> None:
 def _identity(array: Any) -> tuple[Any, ...] | None:
     """Equal for arrays that are the same memory, seen alike."""
     return (array.ptr, array.shape, array.strides) if isinstance(array, wp.array) else None
-
-
-def _find(key: str | int, names: tuple[str, ...], where: str, what: str) -> int:
-    if isinstance(key, str) and key and key in names:
-        return names.index(key)
-    if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(names):
-        return int(key)
-    known = ", ".join(repr(name) if name else str(index) for index, name in enumerate(names)) or "none"
-    raise WarpcamError(f"{where}: the scene has no {what} {key!r}; it has: {known}")

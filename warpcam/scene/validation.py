@@ -1,4 +1,4 @@
-"""Validation of what a source gives a scene."""
+"""Validation of what a source gives a scene, and of what a user names in it."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -110,3 +110,35 @@ def check_indices(
     for kind, assets in ((MESH, parts.meshes), (HEIGHT_FIELD, parts.height_fields), (SPLATS, parts.clouds)):
         if shapes := [shape for shape in seen if parts.shape_types[shape] == kind]:
             check("shape_assets", len(assets), shapes)
+
+
+def find_index(key: str | int, names: tuple[str, ...], where: str, what: str) -> int:
+    """Return the index of a camera or body that the user gives by name or index.
+
+    Raises:
+        WarpcamError: The scene has none of that name or index.
+    """
+    if isinstance(key, str) and key and key in names:
+        return names.index(key)
+    if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(names):
+        return int(key)
+    known = ", ".join(repr(name) if name else str(index) for index, name in enumerate(names)) or "none"
+    raise WarpcamError(f"{where}: the scene has no {what} {key!r}; it has: {known}")
+
+
+def find_body(parts: SceneDescription, key: str | int, where: str) -> int:
+    """Return the index of a body that the user gives by name or index, or by its label where the source has labels.
+
+    Raises:
+        WarpcamError: The scene has none of that name, label or index.
+    """
+    if parts.body_labels is not None and parts.body_places is not None:
+        if isinstance(key, str) and key in parts.body_labels:
+            return int(parts.body_places[parts.body_labels.index(key)])
+        if isinstance(key, int | np.integer) and not isinstance(key, bool) and 0 <= key < len(parts.body_places):
+            return int(parts.body_places[key])
+        if not isinstance(key, str):
+            raise WarpcamError(
+                f"{where}: the scene has no body {key!r}; it has indices 0 to {len(parts.body_places) - 1}"
+            )
+    return find_index(key, tuple(parts.bodies), where, "body")

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import warp as wp
 
-from warpcam.accel.lru_cache import LruCache, key_of
+from warpcam.core.color import encoded_beyond, srgb_to_linear
 from warpcam.core.errors import WarpcamError
+from warpcam.core.lru_cache import LruCache, key_of
 from warpcam.kernels.types import TEXTURE_2D, TEXTURE_CUBE, Textures
 
 MAX_TEXELS = 2**31 - 1
@@ -122,9 +123,7 @@ def _rgba(pixels: Bytes, srgb: bool) -> Bytes:
 
 def _linear_from_srgb() -> Bytes:
     """Table of the sRGB transfer function (IEC 61966-2-1), bytes to bytes."""
-    coded = np.arange(256) / 255.0
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
-    return np.rint(255.0 * linear).astype(np.uint8)
+    return np.rint(255.0 * srgb_to_linear(np.arange(256) / 255.0)).astype(np.uint8)
 
 
 def _chain(pixels: Bytes, srgb: bool, levels: int, blend_light: bool) -> Chain:
@@ -155,10 +154,9 @@ def halved(image: Bytes) -> Bytes:
 
 def _halve_light(image: Bytes) -> Bytes:
     """Halve an image of sRGB-coded texels, which are decoded to average them."""
-    coded = image[..., :3] / np.float32(255.0)
-    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    linear = srgb_to_linear(image[..., :3] / np.float32(255.0))
     light = _halve_axis(_halve_axis(linear, 1), 2)
-    shown = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+    shown = encoded_beyond(light)
     alpha = halved(np.ascontiguousarray(image))[..., 3:]
     return np.ascontiguousarray(np.concatenate((np.rint(255.0 * shown).astype(np.uint8), alpha), axis=-1))
 

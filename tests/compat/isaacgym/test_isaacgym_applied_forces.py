@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 newton = pytest.importorskip("newton")
-from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
+from gym_worlds import GYM, at, new_sim, wrapped  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 
@@ -32,10 +32,6 @@ SWING = """
   </worldbody>
 </mujoco>
 """
-
-
-def wrapped(tensor: gymapi.Tensor) -> torch.Tensor:
-    return gymtorch.wrap_tensor(tensor)
 
 
 def floating(device: wp.Device, count: int) -> tuple[gymapi.Sim, torch.Tensor]:

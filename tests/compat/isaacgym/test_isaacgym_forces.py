@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 mujoco, newton = pytest.importorskip("mujoco"), pytest.importorskip("newton")
-from gym_worlds import GYM, at, new_sim  # noqa: E402, newton may be missing
+from gym_worlds import GYM, at, new_sim, wrapped  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 from warpcam.compat.isaacgym.physics import model_writes  # noqa: E402
@@ -84,10 +84,6 @@ FIXED = """
 </mujoco>
 """
 COUNTS = pytest.mark.parametrize("count", [1, 3], ids=["MuJoCo", "MuJoCo-Warp"])
-
-
-def wrapped(tensor: gymapi.Tensor) -> torch.Tensor:
-    return gymtorch.wrap_tensor(tensor)
 
 
 def cranes(device: wp.Device, folder: Path, count: int, fixed: bool = True) -> gymapi.Sim:

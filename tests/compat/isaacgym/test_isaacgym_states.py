@@ -11,7 +11,7 @@ import warp as wp
 import warpcam as wc
 
 newton = pytest.importorskip("newton")
-from gym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls  # noqa: E402, newton may be missing
+from gym_worlds import GYM, KINDS, at, new_sim, props, tensors_of, walls, wrapped  # noqa: E402, newton may be missing
 
 from warpcam.compat.isaacgym import gymapi, gymtorch  # noqa: E402
 
@@ -60,10 +60,6 @@ def arms(device: wp.Device, folder: Path, count: int = 3) -> gymapi.Sim:
         GYM.create_actor(env, asset, at(0.1 * index, 0, 1), "arm", index, 0, 1)
         GYM.create_actor(env, GYM.create_sphere(sim, 0.1), at(0, 2, 1), "ball", index, 0, 2)
     return sim
-
-
-def wrapped(tensor: gymapi.Tensor) -> torch.Tensor:
-    return gymtorch.wrap_tensor(tensor)
 
 
 def test_names_counts_and_places(device: wp.Device, tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from pxr import Gf, Usd, UsdGeom, UsdLux  # noqa: E402
 from warpcam.compat.isaaclab import WarpcamRenderer, WarpcamRendererCfg, simple_shading  # noqa: E402
 from warpcam.compat.isaaclab import renderer as module  # noqa: E402
 from warpcam.compat.isaaclab.tonemap import bind_tonemap  # noqa: E402
+from warpcam.core.color import encoded_beyond  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Isaac Lab's and Newton's own
 
@@ -48,7 +49,7 @@ def stage_with(*lights: tuple[str, float], orient: tuple[float, ...] = LIGHT) ->
 def wall(device: wp.Device, color: tuple[float, ...]) -> Any:
     """Two worlds with a wall before the camera, facing -x, of that linear colour."""
     builder = newton.ModelBuilder()
-    shown = tuple(float(simple_shading._encoded(np.float64(part / 255.0))) for part in color)
+    shown = tuple(float(encoded_beyond(np.float64(part / 255.0))) for part in color)
     for _ in range(2):
         part = newton.ModelBuilder()
         body = part.add_body(xform=wp.transform(wp.vec3(1.0, 0.0, 0.0), wp.quat_identity()))

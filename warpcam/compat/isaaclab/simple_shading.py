@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
+from warpcam.core.color import encoded_beyond, srgb_to_linear
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.newton.options import NewtonOptions
 from warpcam.sources.newton.source import load
@@ -69,7 +70,7 @@ def shaded_scene(model: Any, state: Any, stage: Any, kind: str, choice: NewtonOp
     if level == "constant":
         colors = wp.from_torch(scene.vary("shape_colors"))
         host = colors.numpy().copy()
-        host[..., :3] = _encoded(np.float64(GRAY))
+        host[..., :3] = encoded_beyond(np.float64(GRAY))
         colors.assign(host)
     return scene
 
@@ -97,14 +98,6 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
 def background_of(color: tuple[float, float, float]) -> np.ndarray:
     """The display colour, beyond 1 if need be, that the curve turns into ``color``."""
     a, b, c, d, e = CURVE
-    linear = np.array([_decoded(part) for part in color])
+    linear = srgb_to_linear(color)
     p, q, r = a - c * linear, b - d * linear, -e * linear
-    return _encoded((np.sqrt(q * q - 4.0 * p * r) - q) / (2.0 * p)).astype(np.float32)
-
-
-def _decoded(value: float) -> float:
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
-
-
-def _encoded(light: Any) -> Any:
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 0.0) ** (1.0 / 2.4) - 0.055)
+    return encoded_beyond((np.sqrt(q * q - 4.0 * p * r) - q) / (2.0 * p)).astype(np.float32)

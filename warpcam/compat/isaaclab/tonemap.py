@@ -2,6 +2,7 @@
 
 import warp as wp
 
+from warpcam.core.color import encode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
@@ -13,10 +14,7 @@ def tonemapped(light: wp.float32) -> wp.uint8:
     """Bent by Narkowicz's curve in the manner of films ("ACES Filmic Tone Mapping Curve", 2016), encoded as sRGB."""
     bright = wp.max(light, 0.0)
     bent = wp.min(bright * (2.51 * bright + 0.03) / (bright * (2.43 * bright + 0.59) + 0.14), 1.0)
-    encoded = 12.92 * bent
-    if bent > 0.0031308:
-        encoded = 1.055 * wp.pow(bent, 1.0 / 2.4) - 0.055
-    return wp.uint8(255.0 * encoded + 0.5)
+    return wp.uint8(255.0 * encode_srgb(bent) + 0.5)
 
 
 @wp.kernel(enable_backward=False)

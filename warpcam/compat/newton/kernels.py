@@ -6,6 +6,7 @@ next by the second. Each pixel's ray is at hand, so that nothing depends on wher
 
 import warp as wp
 
+from warpcam.core.color import decode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
 
 wp.set_module_options(compiler_flags())
@@ -128,10 +129,7 @@ def byte_of(value: wp.float32) -> wp.uint32:
 @wp.func
 def decoded(byte: wp.uint8) -> wp.float32:
     """Decode sRGB to linear."""
-    value = wp.float32(byte) / 255.0
-    if value <= 0.04045:
-        return value / 12.92
-    return wp.pow((value + 0.055) / 1.055, 2.4)
+    return decode_srgb(wp.float32(byte) / 255.0)
 
 
 @wp.func

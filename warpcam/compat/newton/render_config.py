@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
+from warpcam.core.color import srgb_to_linear
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.types import ROLE_COLOR
 
@@ -215,8 +216,7 @@ def linear_color(packed: int) -> int:
     color = int(packed) & 255 << 24
     for shift in (0, 8, 16):
         value = (int(packed) >> shift & 255) / 255.0
-        light = value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
-        color |= int(255.0 * light) << shift
+        color |= int(255.0 * srgb_to_linear(value)) << shift
     return color
 
 

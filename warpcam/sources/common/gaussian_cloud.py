@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from warpcam.accel.gaussians import GaussianCloud
+from warpcam.core.color import encoded_beyond
+from warpcam.core.rotations import rotation_matrices, rotation_quaternions
 from warpcam.kernels.types import SPLATS
 from warpcam.sources.common.geometry import SAME, RenderShape, polar
 
@@ -40,8 +42,7 @@ def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
     """Display colours (n, 3) float32 of coefficients of degree 0."""
     colors = np.maximum(BASE * harmonics.astype(np.float64) + 0.5, 0.0)
     if linear:
-        small = colors <= 0.0031308
-        colors = np.where(small, 12.92 * colors, 1.055 * np.maximum(colors, 0.0031308) ** (1.0 / 2.4) - 0.055)
+        colors = encoded_beyond(colors)
     return colors.astype(np.float32)
 
 
@@ -71,36 +72,12 @@ def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
 
 def _stretched(cloud: GaussianCloud, stretch: np.ndarray) -> GaussianCloud:
     """Every Gaussian under a symmetric map of its own: its covariance, and new axes for it."""
-    w, x, y, z = (cloud.rotations / np.linalg.norm(cloud.rotations, axis=1, keepdims=True)).astype(np.float64).T
-    axes = np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    ).transpose(2, 0, 1)
+    axes = rotation_matrices(cloud.rotations.astype(np.float64))
     u, sizes, _ = np.linalg.svd(stretch @ (axes * cloud.scales[:, None, :]))
     u[np.linalg.det(u) < 0.0] *= -1.0
     return replace(
         cloud,
         positions=(cloud.positions @ stretch.T).astype(np.float32),
-        rotations=_quaternions(u).astype(np.float32),
+        rotations=rotation_quaternions(u).astype(np.float32),
         scales=sizes.astype(np.float32),
     )
-
-
-def _quaternions(rotations: np.ndarray) -> np.ndarray:
-    """Quaternions w x y z, not of length 1, of proper rotations (n, 3, 3)."""
-    m = rotations
-    diagonal = np.stack((m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]), axis=1)
-    trace = diagonal.sum(axis=1)
-    mixed = np.stack((m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]), axis=1)
-    four = np.zeros((len(m), 4, 4))  # 4 q q^T, of which any row will do that is not small
-    four[:, 0, 0] = 1.0 + trace
-    four[:, 0, 1:] = four[:, 1:, 0] = mixed
-    for i in range(3):
-        for j in range(3):
-            four[:, 1 + i, 1 + j] = m[:, i, j] + m[:, j, i]
-        four[:, 1 + i, 1 + i] = 1.0 + 2.0 * diagonal[:, i] - trace
-    best = np.argmax(np.diagonal(four, axis1=1, axis2=2), axis=1)
-    return four[np.arange(len(m)), best]

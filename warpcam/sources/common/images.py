@@ -10,16 +10,15 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from warpcam.core import torch_interop
+from warpcam.core.color import encoded_beyond, srgb_to_linear
 from warpcam.core.errors import WarpcamError
 from warpcam.textures.pack import TextureImage
 
 MAX_TILES = 4  # of an image that is repeated in another way than the kernels do, along each side
 CUBE_SIDE = 512  # of a skybox, at most [pixels]
 TRANSFER = np.arange(256) / 255.0
-ENCODED = np.rint(
-    255.0 * np.where(TRANSFER <= 0.0031308, 12.92 * TRANSFER, 1.055 * TRANSFER ** (1.0 / 2.4) - 0.055)
-).astype(np.uint8)
-LINEAR = np.where(TRANSFER <= 0.04045, TRANSFER / 12.92, ((TRANSFER + 0.055) / 1.055) ** 2.4)
+ENCODED = np.rint(255.0 * encoded_beyond(TRANSFER)).astype(np.uint8)
+LINEAR = srgb_to_linear(TRANSFER)
 
 
 class UnreadableError(Exception):

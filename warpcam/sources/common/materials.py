@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from warpcam.accel.meshes import Mesh
+from warpcam.core.color import linear_to_srgb
 from warpcam.kernels import types
 from warpcam.sources.common.images import LINEAR
 from warpcam.sources.common.scene_graph import LightNode, Material
@@ -32,12 +33,6 @@ SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0
 MIN_ROWS = 128  # that a dome's image is cut into
 # Spherical harmonics of order 2 as native/shading/environment.h has them: the squares of what norms each term.
 NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
-
-
-def encoded(linear: np.ndarray | Sequence[float]) -> np.ndarray:
-    """The sRGB transfer function (IEC 61966-2-1) of values in [0, 1]; others are cut off."""
-    value = np.clip(np.nan_to_num(np.asarray(linear, np.float64)), 0.0, 1.0)
-    return np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1.0 / 2.4) - 0.055)
 
 
 @dataclass(frozen=True)
@@ -71,7 +66,7 @@ def color_of(
     if look is not None and color is None:
         color = (*look.color, look.opacity)
     red, green, blue, alpha = color if color is not None else (*BARE, 1.0)
-    red, green, blue = (float(channel) for channel in encoded((red, green, blue)))
+    red, green, blue = (float(channel) for channel in linear_to_srgb((red, green, blue)))
     return red, green, blue, float(alpha)
 
 

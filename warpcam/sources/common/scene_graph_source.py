@@ -18,14 +18,13 @@ from warpcam.kernels.update.refit import DeformingTree
 from warpcam.scene.layers import transparent_layers
 from warpcam.scene.source import SceneDescription, live_arrays_of
 from warpcam.sources.common import materials
-from warpcam.sources.common.geometry import MeshGeometry, RenderShape, polar
+from warpcam.sources.common.driven_frames import DrivenFrames
+from warpcam.sources.common.geometry import MeshGeometry, RenderShape
 from warpcam.sources.common.scene_graph import LightNode, Material, SceneGraph, ShapeInstance, middle_of
 from warpcam.sources.common.warnings import WarningCollector
 
-KINDS = ("shape", "body", "light", "camera")
 MAX_LIGHTS = 32  # that are kept; more cannot cast shadows
 MAX_SHINING = 8  # at once: shading/fixed_function.h
-HIDDEN = -1e30  # where nothing is left of a shape for a while [m]
 
 
 class SceneGraphSource:
@@ -106,7 +105,7 @@ class SceneGraphSource:
         )
         self._arrays: Mapping[str, wp.array] = {}
         self._own: dict[str, wp.array] = {}
-        self._frames: tuple[wp.array, ...] = ()
+        self._frames = DrivenFrames(graph, num_worlds, device)
         self._first: tuple[np.ndarray, np.ndarray] | None = None  # sizes and assets that shapes had at first
         self._turns = np.zeros((0, 3, 3))
         self._packed: Any = None  # the scene's meshes on the device
@@ -155,32 +154,13 @@ class SceneGraphSource:
 
     def drive(self, nodes: Sequence[int], poses: wp.array, columns: wp.array) -> None:
         """Take poses (world*, path, 7) of driven frames; ``columns`` are theirs, see ``columns_of``."""
-        wp.launch(
-            pose_kernels.write_driven_poses,
-            (self.num_worlds, len(nodes)),
-            [poses, columns],
-            [*self._frames],
-            device=self.device,
-        )
-        self._follow(self._driven_kinds)
+        self._frames.drive(nodes, poses, columns, self._arrays)
 
     def columns_of(self, nodes: Sequence[int]) -> wp.array:
         """Return the columns that hold the poses of frames, which are driven from now on."""
-        new = [node for node in nodes if node not in self._driven]
-        if new:
-            for node in new:
-                self._driven[node] = len(self._driven)
-            frames = tuple(
-                wp.zeros((self.num_worlds, len(self._driven)), dtype=dtype, device=self.device)
-                for dtype in (wp.vec3, wp.mat33)
-            )
-            for old, frame in zip(self._frames, frames, strict=True):
-                host = frame.numpy()
-                host[:, : old.shape[1]] = old.numpy()
-                frame.assign(host)
-            self._frames = frames
-            self._place_followers(self.graph.worlds())
-        return wp.array([self._driven[node] for node in nodes], dtype=wp.int32, device=self.device)
+        if self._frames.add(nodes):
+            self._place(self.graph.worlds())
+        return self._frames.columns_of(nodes)
 
     def make_room(self, name: str) -> wp.array:
         """An array of which each world has a row of its own from now on: "visible", "colors" or "textures"."""
@@ -257,12 +237,6 @@ class SceneGraphSource:
             "textures": self._arrays["material_texture"],
         }
         self._hidden = np.zeros(len(self.items), bool)
-        self._driven: dict[int, int] = {}
-        self._frames = tuple(
-            wp.zeros((self.num_worlds, 0), dtype=dtype, device=self.device) for dtype in (wp.vec3, wp.mat33)
-        )
-        self._followers: dict[str, Any] = {}
-        self._driven_kinds: list[str] = []
         self.finish_colors()
 
     def _move_surfaces(self) -> None:
@@ -325,8 +299,8 @@ class SceneGraphSource:
             self._own["visible"].assign(visible)
             self._hidden = hidden
             self.finish_colors()
-        self._place_followers(worlds)
-        self._follow(KINDS)
+        self._place(worlds)
+        self._frames.write_all(self._arrays)
         self._light(seen)
         cameras = self.graph.cameras
         self._put("camera_intrinsics", [(eye.focal, eye.focal, eye.offset[0], -eye.offset[1]) for eye in cameras])
@@ -363,50 +337,15 @@ class SceneGraphSource:
             self._put(f"light_{name}", rows)
         self._put("sky", materials.sky_rows(lamps, self._gain or 1.0))
 
-    def _place_followers(self, worlds: np.ndarray) -> None:
-        """Place each shape: in the world, or in the frame of the nearest driven node above it."""
-        graph = self.graph
-        driver = np.full(len(graph.nodes), -1, np.int64)
-        for index, node in enumerate(graph.nodes):
-            above = -1 if node.resets else node.parent
-            driver[index] = index if index in self._driven else driver[above] if above >= 0 else -1
-        lamps = [graph.lights[place] for place in self._lamp_order]
-        things: dict[str, list[tuple[int, np.ndarray, np.ndarray | None]]] = {
-            "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
-            "body": [(node, worlds[node], None) for node in self.body_nodes],
-            "light": [(lamp.node, worlds[lamp.node], None) for lamp in lamps],
-            "camera": [(eye.node, worlds[eye.node], None) for eye in graph.cameras],
-        }
-        self._driven_kinds = []
-        for kind, rows in things.items():
-            drivers, positions, rotations = [], np.zeros((len(rows), 3)), np.zeros((len(rows), 3, 3))
-            for place, (index, matrix, turn) in enumerate(rows):
-                matrix = matrix if np.isfinite(matrix).all() else _nowhere()
-                position, rotation = matrix[:3, 3], polar(matrix[:3, :3])[0] if turn is None else turn
-                if driver[index] >= 0:
-                    frame = worlds[driver[index]]
-                    back = polar(frame[:3, :3])[0].T
-                    position, rotation = back @ (position - frame[:3, 3]), back @ rotation
-                drivers.append(self._driven.get(int(driver[index]), -1))
-                positions[place], rotations[place] = position, rotation
-            if any(column >= 0 for column in drivers):
-                self._driven_kinds.append(kind)
-            followers = self._followers.setdefault(kind, pose_kernels.AttachedPoses())
-            followers.drivers = wp.array(np.array(drivers, np.int32), dtype=wp.int32, device=self.device)
-            followers.positions = wp.array(positions.astype(np.float32), dtype=wp.vec3, device=self.device)
-            followers.rotations = wp.array(rotations.astype(np.float32), dtype=wp.mat33, device=self.device)
-
-    def _follow(self, kinds: Sequence[str]) -> None:
-        for kind in kinds:
-            out = [self._arrays[f"{kind}_positions"], self._arrays[f"{kind}_rotations"]]
-            if kind == "light":
-                out.append(self._arrays["light_directions"])
-            kernel = pose_kernels.update_attached_lights if kind == "light" else pose_kernels.update_attached
-            if out[0].size:
-                wp.launch(kernel, out[0].shape, [self._followers[kind], *self._frames], out, device=self.device)
-
-
-def _nowhere() -> np.ndarray:
-    matrix = np.eye(4)
-    matrix[:3, 3] = HIDDEN
-    return matrix
+    def _place(self, worlds: np.ndarray) -> None:
+        """Place shapes, bodies, lights and cameras in the world, or in driven frames."""
+        lamps = [self.graph.lights[place] for place in self._lamp_order]
+        self._frames.place(
+            worlds,
+            {
+                "shape": [(item.node, worlds[item.node], self._turns[k]) for k, item in enumerate(self.items)],
+                "body": [(node, worlds[node], None) for node in self.body_nodes],
+                "light": [(lamp.node, worlds[lamp.node], None) for lamp in lamps],
+                "camera": [(eye.node, worlds[eye.node], None) for eye in self.graph.cameras],
+            },
+        )

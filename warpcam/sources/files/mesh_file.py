@@ -12,6 +12,7 @@ import trimesh
 from PIL import Image
 
 from warpcam.core import device as device_rule
+from warpcam.core.color import linear_to_srgb
 from warpcam.core.errors import WarpcamError
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.sources.common import materials
@@ -203,7 +204,7 @@ class _Reader:
             self._collector.warn("has colours of corners beside textures, and is drawn without them", name)
             return look, uvs
         else:
-            image, uvs = corner_colors(np.rint(255.0 * materials.encoded(tint)).astype(np.uint8))
+            image, uvs = corner_colors(np.rint(255.0 * linear_to_srgb(tint)).astype(np.uint8))
             self._graph.materials.append(replace(base, name=f"{name}/colors", texture=self._texture(name, image)))
         return len(self._graph.materials) - 1, uvs
 

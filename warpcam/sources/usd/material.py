@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdGeom, UsdShade
 
+from warpcam.core.color import linear_to_srgb
 from warpcam.sources.common import materials
 from warpcam.sources.common.images import (
     ENCODED,
@@ -23,7 +24,7 @@ from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.omnipbr import OmniInputs
-from warpcam.sources.usd.shader import OMNI, PREVIEW, surface_of, value_of
+from warpcam.sources.usd.shader import OMNI, PREVIEW, color_or, number_or, surface_of, value_of
 from warpcam.sources.usd.texture import TextureInput, alike, count_of, file_bytes, identity, is_numbers
 from warpcam.textures.pack import TextureImage
 
@@ -213,14 +214,14 @@ class MaterialReader:
         omni = OmniInputs(surface, self._collector, name) if inputs is OMNI else None
         if omni is not None:
             textures = omni.textures(textures, values)
-        ior = max(_number(values.get("ior"), 1.5), 0.0)
+        ior = max(number_or(values.get("ior"), 1.5), 0.0)
         look = Material(
             name,
-            color=_color(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
-            roughness=_number(values.get("roughness"), 0.5),
-            metallic=_number(values.get("metallic"), 0.0),
+            color=color_or(values.get("color"), (0.18, 0.18, 0.18) if inputs is PREVIEW else (0.2, 0.2, 0.2)),
+            roughness=number_or(values.get("roughness"), 0.5),
+            metallic=number_or(values.get("metallic"), 0.0),
             reflectance=((1.0 - ior) / (1.0 + ior)) ** 2,
-            emission=_color(values.get("emission") if omni is None else omni.emission(values), (0.0, 0.0, 0.0)),
+            emission=color_or(values.get("emission") if omni is None else omni.emission(values), (0.0, 0.0, 0.0)),
         )
         if inputs is PREVIEW and "emission" in textures:  # which takes the constant's place
             look = replace(look, emission=materials.WHITE)
@@ -247,14 +248,16 @@ class MaterialReader:
             if index >= 0:
                 look = replace(look, texture=index, color=materials.WHITE)
             else:
-                look = replace(look, color=_color(shown.fallback[:3] if shown.fallback[:3].any() else None, look.color))
+                look = replace(
+                    look, color=color_or(shown.fallback[:3] if shown.fallback[:3].any() else None, look.color)
+                )
         glowing = textures.get("emission")
         if glowing is not None:
             index = self._texture(glowing, name)
             if index >= 0:
                 look = replace(look, emission_texture=index)
             else:
-                look = replace(look, emission=_color(glowing.fallback[:3], (0.0, 0.0, 0.0)))
+                look = replace(look, emission=color_or(glowing.fallback[:3], (0.0, 0.0, 0.0)))
         if "normal" in textures:
             look = replace(look, normals=self._normals(textures["normal"], name))
         channels = {what: self._channel(textures[what], name) for what in PACKED if what in textures}
@@ -295,8 +298,8 @@ class MaterialReader:
             if reader is None or not says("enable_opacity_texture"):
                 textures.pop("opacity", None)
                 reader = None
-        cutoff = max(_number(says("opacity_threshold" if inputs is OMNI else "opacityThreshold"), 0.0), 0.0)
-        factor = _number(values.get("opacity"), 1.0) if reader is None or inputs is OMNI else 1.0
+        cutoff = max(number_or(says("opacity_threshold" if inputs is OMNI else "opacityThreshold"), 0.0), 0.0)
+        factor = number_or(values.get("opacity"), 1.0) if reader is None or inputs is OMNI else 1.0
         opacity, image = opacity_of(None if reader is None else self._channel(reader, name), factor, cutoff)
         look = replace(look, opacity=opacity, cutoff=cutoff)
         if image is not None and reader is not None:
@@ -346,7 +349,7 @@ class MaterialReader:
             raw = reader.color_space == "raw" or (reader.color_space == "auto" and pixels.shape[2] == 1)
             if (reader.scale[:3] != 1.0).any() or (reader.bias[:3] != 0.0).any():
                 linear = shown / 255.0 if raw else LINEAR[shown]
-                shown = np.rint(255.0 * materials.encoded(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
+                shown = np.rint(255.0 * linear_to_srgb(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
             elif raw:
                 shown = ENCODED[shown]
             self._textures[key] = self._add_texture(reader.asset.path, shown)
@@ -388,15 +391,3 @@ class MaterialReader:
 
 def _rgb(pixels: np.ndarray) -> np.ndarray:
     return np.repeat(pixels, 3, axis=-1) if pixels.shape[2] == 1 else pixels[..., :3]
-
-
-def _color(value: Any, default: tuple[float, float, float]) -> tuple[float, float, float]:
-    try:
-        red, green, blue = (float(channel) for channel in value)
-    except (TypeError, ValueError):
-        return default
-    return red, green, blue
-
-
-def _number(value: Any, default: float) -> float:
-    return float(value) if isinstance(value, int | float) and np.isfinite(value) else default

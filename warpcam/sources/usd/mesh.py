@@ -9,10 +9,10 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from warpcam.accel.meshes import face_normals
 from warpcam.accel.triangulation import triangulate
+from warpcam.core.color import linear_to_srgb
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
-from warpcam.sources.common.materials import encoded
 from warpcam.sources.common.scene_graph import ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.material import BoundMaterial, MaterialReader
@@ -130,7 +130,7 @@ class MeshReader:
             look, uvs = self._materials.laid_on(look, uvs)
         painted = self._corner_colors(prim, triangles, time) if bound.by_color else None
         if painted is not None:
-            image, uvs = corner_colors(np.rint(255.0 * encoded(painted[mine])).astype(np.uint8))
+            image, uvs = corner_colors(np.rint(255.0 * linear_to_srgb(painted[mine])).astype(np.uint8))
             look = self._materials.painted(look, image, name)
         elif uvs is not None:
             uvs = uvs[mine]
@@ -217,7 +217,17 @@ class MeshReader:
             self._collector.warn(
                 "is moved by a skeleton, which is not followed: its points are drawn as they stand", name
             )
-        return Triangles(name, points, indices[corners], corners, faces, totals, smooth, two_sided, moves)
+        return Triangles(
+            name=name,
+            points=points,
+            vertices=indices[corners],
+            corners=corners,
+            faces=faces,
+            counts=totals,
+            smooth=smooth,
+            two_sided=two_sided,
+            moves=moves,
+        )
 
     def _uvs(self, prim: Usd.Prim, bound: BoundMaterial, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
         """(triangle, 3, 2), v up."""

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
+from warpcam.core.color import linear_to_srgb
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
-from warpcam.sources.common.materials import encoded
 from warpcam.sources.common.scene_graph import ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.material import MaterialReader
@@ -70,7 +70,7 @@ class PointsAndCurvesReader:
         colors = np.clip(values[:, 1:], 0.0, None)
         image = uvs = None
         if len(colors) and np.ptp(colors, axis=0).max() > 0.0:
-            image, uvs = corner_colors(np.rint(255.0 * encoded(colors[faces])).astype(np.uint8))
+            image, uvs = corner_colors(np.rint(255.0 * linear_to_srgb(colors[faces])).astype(np.uint8))
         return MeshGeometry(name, vertices, faces, normals, uvs), image
 
     def _balls(self, prim: Usd.Prim, name: str, points: np.ndarray, time: Usd.TimeCode) -> Cut:

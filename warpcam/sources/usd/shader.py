@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from warpcam.sources.common.warnings import WarningCollector
@@ -67,3 +68,17 @@ def value_of(given: UsdShade.Input, collector: WarningCollector) -> tuple[Any, T
             return None, plain_texture(value, attribute), ""
         return value, None, ""
     return None, None, ""
+
+
+def color_or(value: Any, default: tuple[float, float, float]) -> tuple[float, float, float]:
+    """Return the constant of an input as a colour, or ``default`` for anything else."""
+    try:
+        red, green, blue = (float(channel) for channel in value)
+    except (TypeError, ValueError):
+        return default
+    return red, green, blue
+
+
+def number_or(value: Any, default: float) -> float:
+    """Return the constant of an input as a number, or ``default`` for anything else."""
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else default

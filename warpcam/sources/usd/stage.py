@@ -7,6 +7,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.rotations import rotation_matrices
 from warpcam.sources.common.geometry import Geometry, polar
 from warpcam.sources.common.scene_graph import FrameNode, SceneGraph, ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
@@ -293,26 +294,13 @@ class StageReader:
         if len(positions) != count or len(quaternions) != count or len(scales) != count:
             return None
         matrices = np.tile(np.eye(4), (count, 1, 1))
-        matrices[:, :3, :3] = _rotations(quaternions.reshape(-1, 4)) * scales[:, None, :]
+        matrices[:, :3, :3] = rotation_matrices(quaternions.reshape(-1, 4)) * scales[:, None, :]
         matrices[:, :3, 3] = positions
         own = [np.eye(4)]
         for target in instancer.GetPrototypesRel().GetForwardedTargets():
             root = UsdGeom.Xformable(self._stage.GetPrimAtPath(target))
             own.append(_matrix(root.GetLocalTransformation(time)) if root else np.eye(4))
         return matrices @ np.array(own[1:])[indices]
-
-
-def _rotations(quaternions: np.ndarray) -> np.ndarray:
-    """Return rotations of quaternions w x y z of any length, (n, 4); quaternions of length 0 do not rotate."""
-    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    unit = np.where(length > 0.0, quaternions / np.where(length > 0.0, length, 1.0), (1.0, 0.0, 0.0, 0.0))
-    w, x, y, z = unit.T
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return np.array(rows).transpose(2, 0, 1)
 
 
 def _matrix(matrix: Any) -> np.ndarray:

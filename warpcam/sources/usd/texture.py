@@ -81,16 +81,16 @@ def alike(one: TextureInput, other: TextureInput) -> bool:
 def plain_texture(asset: Sdf.AssetPath, attribute: Usd.Attribute) -> TextureInput:
     space = attribute.GetColorSpace() if hasattr(attribute, "GetColorSpace") else ""
     return TextureInput(
-        asset,
-        _layer_of(attribute),
-        "rgb",
-        "raw" if str(space) == "raw" else "auto",
-        ("repeat", "repeat"),
-        "",
-        None,
-        np.ones(4),
-        np.zeros(4),
-        np.zeros(4),
+        asset=asset,
+        layer=_layer_of(attribute),
+        channel="rgb",
+        color_space="raw" if str(space) == "raw" else "auto",
+        wrap=("repeat", "repeat"),
+        uv="",
+        uv_turn=None,
+        scale=np.ones(4),
+        bias=np.zeros(4),
+        fallback=np.zeros(4),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.rotations import rotation_matrices, rotation_quaternions
 
 VEC3 = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4")])
 QUAT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("w", "f4")])
@@ -277,25 +278,14 @@ def _moved(vectors: np.ndarray, turn: Quat, shift: Vec3) -> np.ndarray:
 
 def matrix_of(rotation: Quat) -> np.ndarray:
     """(3, 3) float64, from the turned frame to the other."""
-    unit = rotation.normalize()
-    return np.stack([list(unit.rotate(axis)) for axis in (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))], axis=1)
+    x, y, z, w = rotation
+    return rotation_matrices(np.array([(w, x, y, z)], np.float64))[0]
 
 
 def quat_of(matrix: np.ndarray) -> Quat:
     """Convert a (3, 3) rotation matrix to a quaternion."""
-    m = np.asarray(matrix, np.float64)
-    # The largest of the four is found first, so that nothing small is divided by.
-    squares = np.array((m[0, 0], m[1, 1], m[2, 2], m.trace()))
-    k = int(np.argmax(squares))
-    if k == 3:
-        values = np.array((m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + m.trace()))
-    else:
-        i, j = (k + 1) % 3, (k + 2) % 3
-        values = np.zeros(4)
-        values[k] = 1.0 + m[k, k] - m[i, i] - m[j, j]
-        values[i], values[j] = m[i, k] + m[k, i], m[j, k] + m[k, j]
-        values[3] = m[j, i] - m[i, j]
-    return Quat(*values).normalize()
+    w, x, y, z = rotation_quaternions(np.asarray(matrix, np.float64)[None])[0].tolist()
+    return Quat(x, y, z, w).normalize()
 
 
 def looking(position: Vec3, target: Vec3, up: Vec3, along_x: bool) -> Quat:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.accel.lru_cache import LruCache, key_of
+from warpcam.core.lru_cache import LruCache, key_of
 from warpcam.textures.pack import TextureImage, pack_textures
 
 
