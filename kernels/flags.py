@@ -23,25 +23,25 @@ class GeometryFlag(IntFlag):
 
 
 class SceneFlag(IntFlag):
-    """Features of a scene that the kernels of its shapes are compiled for; share a parameter with GeometryFlag."""
+    """Features of a scene that the kernels of its shapes are compiled for."""
 
-    PER_SHAPE_SCALE = 1 << 10  # the sizes of meshes and height fields are scales
-    TWO_SIDED = 1 << 12  # faces of some meshes are seen from behind, too
-    ALPHA_TESTED = 1 << 13  # maps of opacity say which parts of meshes are there
-    SHADING_BACKS = 1 << 14  # of shadows: faces of meshes cast them whichever side is lit
-    DEFORMING_MESHES = 1 << 15  # vertices of meshes move: most faces lie in no cache
-    TRANSPARENT_CASTERS = 1 << 16  # of shadows: some shapes may be seen through
-    TEXTURE_FROM_ABOVE = 1 << 17  # 2-D textures lie as before MuJoCo 3.12: native/shading/texture_mapping.h
-    TEXTURELESS_SHAPES = 1 << 18  # textures do not show on some shapes: native/shading/appearance.h
+    PER_SHAPE_SCALE = 1 << 0  # the sizes of meshes and height fields are scales
+    TWO_SIDED = 1 << 1  # faces of some meshes are seen from behind, too
+    ALPHA_TESTED = 1 << 2  # maps of opacity say which parts of meshes are there
+    SHADING_BACKS = 1 << 3  # of shadows: faces of meshes cast them whichever side is lit
+    DEFORMING_MESHES = 1 << 4  # vertices of meshes move: most faces lie in no cache
+    TRANSPARENT_CASTERS = 1 << 5  # of shadows: some shapes may be seen through
+    TEXTURE_FROM_ABOVE = 1 << 6  # 2-D textures lie as before MuJoCo 3.12: native/shading/texture_mapping.h
+    TEXTURELESS_SHAPES = 1 << 7  # textures do not show on some shapes: native/shading/appearance.h
     # of launches: blocks in the middle of all images come before the rest: native/camera/shape_setup.h
-    MIDDLE_FIRST = 1 << 19
-    HAS_OCCLUDER_BOXES = 1 << 20  # of shadows: meshes have boxes that stop light
-    PROJECTED = 1 << 21  # 2-D textures lie as Newton lays them: native/shading/texture_mapping.h
-    TRIPLANAR = 1 << 22  # beside PROJECTED: along all three axes, blended
-    TEXTURE_ALPHA = 1 << 23  # textures have an alpha, which counts on what is transparent
+    MIDDLE_FIRST = 1 << 8
+    HAS_OCCLUDER_BOXES = 1 << 9  # of shadows: meshes have boxes that stop light
+    PROJECTED = 1 << 10  # 2-D textures lie as Newton lays them: native/shading/texture_mapping.h
+    TRIPLANAR = 1 << 11  # beside PROJECTED: along all three axes, blended
+    TEXTURE_ALPHA = 1 << 12  # textures have an alpha, which counts on what is transparent
     # normals of meshes are written as light takes them, as Newton's camera does: native/geometry/surface_interaction.h
-    LIT_NORMALS = 1 << 24
-    COINCIDENT = 1 << 25  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
+    LIT_NORMALS = 1 << 13
+    COINCIDENT = 1 << 14  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
 
 
 NO_SCENE_FLAGS = SceneFlag(0)

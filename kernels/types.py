@@ -20,7 +20,7 @@ MESH = 7
 CONE = 8  # tip at +z
 BARREL = 9  # a cylinder whose side is bent outwards in an arc
 NUM_TYPES = 10
-SPLATS = 11  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
+SPLATS = 10  # a cloud of Gaussians: never among the drawn shapes, which the trace sees; see Splats
 
 # Light types.
 LIGHT_SPOT = 0

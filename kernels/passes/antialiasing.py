@@ -44,7 +44,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(key: EdgeKey, target_type: Any) -> wp.Kernel:
-    types, lens, (width, height), images = key.types.bits, int(key.lens), key.region, int(key.images)
+    types, lens, (width, height), images = key.types.native, int(key.lens), key.region, int(key.images)
 
     @wp.func_native(
         f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(key.by_words)}, {int(key.in_place)}>"

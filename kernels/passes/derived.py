@@ -38,8 +38,8 @@ def _images_struct(outputs: tuple[str, ...]) -> Any:
 @functools.cache
 def _kernel(key: DerivedKey, code: str, frame_type: Any, images_type: Any) -> wp.Kernel:
     @wp.func_native(
-        f"constexpr int TYPES = {key.types.bits};\n"
-        f"warpcam::derive_pixel<TYPES, {int(key.lens)}>(frame, shapes, meshes, fields, index,\n"
+        f"using Types = {key.types.native};\n"
+        f"warpcam::derive_pixel<Types, {int(key.lens)}>(frame, shapes, meshes, fields, index,\n"
         f"    [&](int pixel, const warpcam::SeenSurface& seen) {{{code}}});"
     )
     def derive(
@@ -80,7 +80,7 @@ def register_derived(name: str, writes: tuple[str, ...], code: str) -> None:
         code: C++ that writes one pixel: into ``images.<output>.data``, which is null where the output was not asked
             for, at ``pixel`` times its channels. ``seen`` is a ``SeenSurface`` of
             native/shading_pass/derived_pixel.h; ``shapes``, ``meshes`` and ``fields`` are the structs of types.py, and
-            TYPES is the template parameter of functions that take one.
+            ``Types`` is the scene's ``SceneTypes``, a template parameter of many functions.
     """
 
     @register(name, needs=("depth", "shape", "face"), writes=writes)

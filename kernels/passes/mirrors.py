@@ -132,7 +132,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(key: MirrorKey, target_type: Any) -> wp.Kernel:
-    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
     flag, face = ("true" if key.several else "false"), ("true" if key.faces else "false")
     function = f"draw_mirrored<{types}, {lens}, {capacity}, {flag}, {width}, {height}, {face}>"
     return closest_hit_kernel("shading_pass/mirror_visibility.h", function, key.blocks, target_type)

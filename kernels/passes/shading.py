@@ -73,7 +73,7 @@ def images_struct() -> Any:
 @functools.cache
 def _kernel(key: ShadingKey, frame_type: Any) -> wp.Kernel:
     images_type = images_struct()
-    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
     written, facts = int(key.images), int(key.facts)
     more = f", {key.transparent}" if key.transparent else ""
     lights_type: Any = Lights

@@ -34,7 +34,7 @@ def shaded_struct(shape_dtype: Any, face_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(key: ShadowKey, target_type: Any) -> wp.Kernel:
-    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
 
     @wp.func_native(
         f"warpcam::{'cast_crowd' if key.many_casters else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"

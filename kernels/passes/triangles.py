@@ -11,7 +11,7 @@ register_derived(
     int face = -1;
     float second = 0.0f, third = 0.0f;
     if (seen.is(warpcam::MESH)) {
-        const warpcam::MeshStart start = warpcam::mesh_start<TYPES>(meshes, seen.pose);
+        const warpcam::MeshStart start = warpcam::mesh_start<Types>(meshes, seen.pose);
         face = warpcam::face_row(meshes, start.faces + 3 * seen.face).w;
         const bool front = seen.surface.corner == 3 * (start.corners + face);
         second = front ? seen.surface.weight1 : seen.surface.weight2;

@@ -24,7 +24,7 @@ LIST_THREADS = 160  # threads of a block, one for each shape of its worlds: nati
 
 @functools.cache
 def _kernel(key: ListKey) -> wp.Kernel:
-    types, lens, capacity, wanted = key.types.bits, int(key.lens), key.capacity, int(key.outputs)
+    types, lens, capacity, wanted = key.types.native, int(key.lens), key.capacity, int(key.outputs)
     function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
 
     @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);")

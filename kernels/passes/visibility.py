@@ -17,7 +17,7 @@ from warpcam.kernels.runtime.launch import Stage
 
 @functools.cache
 def _kernel(key: TraceKey, target_type: Any) -> wp.Kernel:
-    types, lens, capacity, (width, height) = key.types.bits, int(key.lens), key.capacity, key.region
+    types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
     flag, outputs = "true" if key.several else "false", int(key.outputs)
     header, function = (
         "traversal/visibility.h",

@@ -59,9 +59,9 @@ class SceneTypes:
     scene: SceneFlag
 
     @property
-    def bits(self) -> int:
-        """C++ template parameter TYPES."""
-        return int(self.geometry) | int(self.scene)
+    def native(self) -> str:
+        """The same as a type of C++: native/camera/shape_record.h."""
+        return f"warpcam::SceneTypes<{int(self.geometry)}, {int(self.scene)}>"
 
 
 def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = False) -> SceneTypes:

@@ -12,6 +12,7 @@ import warp as wp
 from native_kernel import native_kernel
 
 from warpcam.kernels import types
+from warpcam.kernels.flags import GeometryFlag, SceneFlag
 from warpcam.textures.pack import TextureImage, pack_textures
 
 PACKET = 8
@@ -177,6 +178,13 @@ class Family:
         assert exact_one.any() or close_one.any()
         np.testing.assert_array_equal(exact_eight, exact_one)
         np.testing.assert_allclose(close_eight, close_one, rtol=twin.rtol, atol=twin.atol)
+
+
+def scene_types(*names: str) -> str:
+    """The C++ type of shape types and features by their names in flags.py."""
+    flags = (GeometryFlag, SceneFlag)
+    shapes, features = (sum(int(kind[name]) for name in names if name in kind.__members__) for kind in flags)
+    return f"SceneTypes<{shapes}, {features}>"
 
 
 def columns(*parts: Array) -> Array:

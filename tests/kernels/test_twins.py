@@ -7,7 +7,7 @@ series of its own.
 
 import numpy as np
 import pytest
-from twins import FACES, PACKET, POSE, ROWS, Family, Twin, columns, rotations, sizes, units
+from twins import FACES, PACKET, POSE, ROWS, Family, Twin, columns, rotations, scene_types, sizes, units
 
 UNIT = {"rtol": 2e-6, "atol": 1e-6}  # one inverse root, or a few
 SUM = {"rtol": 5e-6, "atol": 3e-6}  # of unit vectors, which may nearly cancel each other
@@ -104,8 +104,7 @@ def hits(rng):
 
 
 def with_kinds(text, shape, kinds):
-    kinds = " | ".join(f"1 << {kind}" for kind in (shape, *kinds))
-    return text.replace("KINDS", f"({kinds})").replace("TYPE", shape)
+    return text.replace("KINDS", scene_types(shape, *kinds)).replace("TYPE", shape)
 
 
 def surface(shape, *kinds, results=NORMAL, inputs=hits):

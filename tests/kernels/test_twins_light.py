@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from twins import PACKET, POSE, ROWS, Family, Twin, both, columns, rotations, sizes, units
+from twins import PACKET, POSE, ROWS, Family, Twin, both, columns, rotations, scene_types, sizes, units
 
 SERIES = {"rtol": 5e-5, "atol": 5e-5}  # powers by series
 HIGHLIGHT = {"rtol": 2e-4, "atol": 1e-4}  # the 128th power of what an inverse root has told, too
@@ -228,7 +228,7 @@ def shine(form):
 def whole(form, facts, tolerance=5e-4):
     """All of a pixel's physically based light."""
     kind = "BOX"
-    head = f"constexpr int KINDS = 1 << {kind}, FACTS = {facts};"
+    head = f"using KINDS = {scene_types(kind)}; constexpr int FACTS = {facts};"
     return Twin(
         lamplit,
         setup=head + POSE.replace("TYPE", kind) + LAMPS.replace("FORM", form) + MATERIAL,

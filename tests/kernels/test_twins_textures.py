@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from twins import POSE, ROWS, Family, Twin, both, columns, rotations, sizes, units
+from twins import POSE, ROWS, Family, Twin, both, columns, rotations, scene_types, sizes, units
 
 # Textures: place in the shape's frame 0, ray 3, face 6, pose 9, steps to the next pixels 24 and 27.
 
@@ -30,7 +30,7 @@ def textured(rng):
 
 def footprint(kinds, own=0):
     shape = kinds[0]
-    head = "constexpr int KINDS = " + " | ".join(f"1 << {kind}" for kind in kinds) + ";"
+    head = f"using KINDS = {scene_types(*kinds)};"
     pose = POSE.replace("same_vec(21), TYPE", "MESH_SIZE, TYPE") if shape == "MESH" else POSE
     pose = pose.replace("MESH_SIZE", "{ 0.0f, 0.0f, 0.0f }").replace("TYPE", shape)
     step = "exact" if shape == "PLANE" else "close"
@@ -52,7 +52,7 @@ def footprint(kinds, own=0):
 
 
 def direction(shape, metres):
-    kinds = f"1 << {shape}"
+    kinds = scene_types(shape)
     return Twin(
         textured,
         setup=POSE.replace("TYPE", shape) + LAYOUT.replace("METRES", metres).replace("OWN", "0").replace("IMAGE", "1"),

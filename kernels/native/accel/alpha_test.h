@@ -48,19 +48,19 @@ template <class Meshes> WARPCAM_DEVICE bool unmasked(const Meshes& meshes, int m
 }
 
 // Tests whether a face is present where a ray, in the mesh's frame, intersects it.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE bool is_there(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {
-    if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
+    if constexpr (Types::has(ALPHA_TESTED))
         return unmasked(meshes, record.axis_z.w, face, ray.origin + t * ray.direction, false);
     return true;
 }
 
 // Tests presence as above, by cut-out maps alone.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE bool is_not_cut(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, int face, float t)
 {
-    if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
+    if constexpr (Types::has(ALPHA_TESTED))
         return unmasked(meshes, record.axis_z.w, face, ray.origin + t * ray.direction, true);
     return true;
 }

@@ -25,7 +25,7 @@ struct Hit {
 };
 
 // So many faces of a leaf are loaded before the first is tested: memory is waited for less often, in more registers.
-constexpr int faces_together(int types) { return types >> DEFORMING_MESHES & 1 ? 2 : 1; }
+template <class Types> constexpr int faces_together() { return Types::has(DEFORMING_MESHES) ? 2 : 1; }
 
 // The i-th of them; behind the end the last is taken again.
 template <int TOGETHER> WARPCAM_DEVICE int face_of(int begin, int i, int end)
@@ -67,7 +67,7 @@ WARPCAM_DEVICE Slabs slabs(Vec3 o, Vec3 d, float extent)
 // True if nodes store one child after another, each with the lower and upper corner of its box. Scenes with moving
 // meshes store nodes so, as children write their own boxes. Other scenes store bounds as whole numbers of 16 bits: see
 // Meshes.nodes.
-constexpr bool by_child(int types) { return types >> DEFORMING_MESHES & 1; }
+template <class Types> constexpr bool by_child() { return Types::has(DEFORMING_MESHES); }
 
 // The greatest and the least of three numbers, one instruction each: bits order as the numbers do, but for negative
 // ones, which are below all others in no order of their own.
@@ -165,11 +165,11 @@ template <> struct NodeRay<false> {
     }
 };
 
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE const Float3Int* node_rows(const Meshes& meshes, unsigned nodes, int node)
 {
     return reinterpret_cast<const Float3Int*>(meshes.nodes.data)
-           + (nodes + unsigned(node * NodeRay<by_child(TYPES)>::ROWS));
+           + (nodes + unsigned(node * NodeRay<by_child<Types>()>::ROWS));
 }
 
 #endif

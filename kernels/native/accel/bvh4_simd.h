@@ -78,9 +78,9 @@ inline Float8 edges(const Corners& a, const Corners& b)
 // Sides of faces that a ray intersects: fronts; also backs of faces that have a back; or both sides of all faces.
 enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 
-template <int TYPES, bool ANY> constexpr Sides SIDES_OF = ANY && (TYPES >> SHADING_BACKS & 1) ? BOTH_SIDES
-                                                          : TYPES >> TWO_SIDED & 1            ? FRONTS_AND_MARKED
-                                                                                              : FRONTS;
+template <class Types, bool ANY> constexpr Sides SIDES_OF = ANY && Types::has(SHADING_BACKS) ? BOTH_SIDES
+                                                            : Types::has(TWO_SIDED)          ? FRONTS_AND_MARKED
+                                                                                             : FRONTS;
 
 // Rays at one mesh, by number.
 struct MeshRays {
@@ -282,7 +282,7 @@ template <class Meshes> inline const float* face_rows(const Meshes& meshes, int 
 
 // The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
 // are found together.
-template <int TYPES, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
+template <class Types, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
 inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Near& near, Rays& rays)
 {
     const ShapeRecord r = record;
@@ -308,13 +308,13 @@ inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Ne
         return;
     MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
     for (int lane = 0; lane < WARP_SIZE; ++lane)
-        walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<TYPES>(r),
+        walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<Types>(r),
                  near.at(lane), rays.depth[lane]);
     for (int lane = 0; lane < WARP_SIZE; ++lane)
         if (met[lane])
             walk.start(lane);
-    walk.walk<SIDES_OF<TYPES, false>, ANY>([&](int lane, int face, float t) {
-        return is_there<TYPES>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
+    walk.walk<SIDES_OF<Types, false>, ANY>([&](int lane, int face, float t) {
+        return is_there<Types>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
     });
     for (int lane = 0; lane < WARP_SIZE; ++lane)
         if (met[lane] && walk.face[lane] >= 0) {

@@ -12,7 +12,7 @@ namespace warpcam {
 constexpr int SECTORS = 8;
 
 // True if faces have horizons: two-sided faces and moving meshes use those words otherwise.
-constexpr bool has_horizons(int types) { return !(types >> TWO_SIDED & 1) && !(types >> DEFORMING_MESHES & 1); }
+template <class Types> constexpr bool has_horizons() { return !Types::has(TWO_SIDED) && !Types::has(DEFORMING_MESHES); }
 
 // A face's own axes: its first edge, what is across it, and its normal.
 struct FaceAxes {

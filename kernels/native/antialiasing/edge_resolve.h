@@ -29,17 +29,18 @@ template <class Centres> WARPCAM_DEVICE int tiles_across(const Region& region)
 }
 
 // Smooths the edges of a region; IN_PLACE: which is a whole image, whose colours are where the means go.
-template <int TYPES, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields, class Centres>
+template <class Types, int LENS, int IMAGES, bool IN_PLACE, class Shapes, class Meshes, class HeightFields,
+          class Centres>
 WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                   const Centres& centres, const Camera& camera, const Region& region, int world)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    constexpr bool HAS_MESH = Types::has(MESH);
     constexpr int WARPS = THREADS / WARP_SIZE;
     constexpr int MOST_LISTED = IN_PLACE ? LISTED_IN_PLACE : LISTED;
-    WARPCAM_SHARED ListedPixel<TYPES> listed[MOST_LISTED];
+    WARPCAM_SHARED ListedPixel<Types> listed[MOST_LISTED];
     WARPCAM_SHARED Waiting means_waiting;
     WARPCAM_SHARED int count;
-    WARPCAM_SHARED SampleBatch<TYPES> chunk;
+    WARPCAM_SHARED SampleBatch<Types> chunk;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
@@ -55,7 +56,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
     const EdgeTester<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
     const auto& target = centres.target;
     const int lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE;
-    const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
+    const auto sided = [&](int shape) { return has_sides<Types>(shapes, shape); };
     const auto has_room = [](const int& listed) {
         return __any_sync(FULL_WARP, *static_cast<const volatile int*>(&listed) <= MOST_LISTED - THREADS);
     };
@@ -140,13 +141,13 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
                 chunk.before = chunk.after = chunk.next = 0;
             }
             if (!ahead || from == 0)
-                list.template prepare_all<TYPES, LENS>(shapes, meshes, fields, camera, region, world);
+                list.template prepare_all<Types, LENS>(shapes, meshes, fields, camera, region, world);
             else
                 block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS)
-                list_samples<TYPES, LENS>(chunk, k, list, camera, seen, region);
+                list_samples<Types, LENS>(chunk, k, list, camera, seen, region);
             block_sync();
-            trace_samples<TYPES, LENS, IMAGES>(chunk, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
+            trace_samples<Types, LENS, IMAGES>(chunk, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
                                                region);
             block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
@@ -182,7 +183,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
 
 // Resolves edges likewise, before the barrier after which `camera` is valid. Trace results stay in shared memory where
 // it has room for them.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Target>
 WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                   const Target& target, const Camera& camera, const Region& region, int world)
@@ -193,11 +194,11 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
         WARPCAM_SHARED typename Placed::Ids ids;
         ids.load(target, region, first);
         const Placed centres { ids, target, region.left - ids.ASIDE, region.top - 1, first };
-        smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
-    } else if constexpr (TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1) {
+        smooth_region<Types, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
+    } else if constexpr (Types::has(MESH) || Types::has(HEIGHT_FIELD)) {
         const PixelSource<Target> centres { target, first };
         block_sync();
-        smooth_region<TYPES, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
+        smooth_region<Types, LENS, IMAGES, IN_PLACE>(shapes, meshes, fields, centres, camera, region, world);
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
@@ -205,14 +206,14 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
         const Kept kept { room, target, region.left - 1, region.top - 1, first };
         if constexpr (sizeof(room.ids[0]) == 1) {
             WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
-            using EdgeResolver = KeptSmoother<TYPES, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            using EdgeResolver = KeptSmoother<Types, LENS, WIDTH, HEIGHT, IMAGES, Target>;
             EdgeResolver::clear(edges, shapes);
             kept.load();
             const EdgeTester<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
             EdgeResolver { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
             kept.load();
-            smooth_region<TYPES, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
+            smooth_region<Types, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
         }
     }
 }
@@ -221,7 +222,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
 
 // Copies one region of one view, but IN_PLACE, and smooths its edges; `index` counts worlds, then regions, then (CUDA)
 // threads of the block.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void smooth(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Views& views,
                            const Target& target, int index)
@@ -235,7 +236,7 @@ WARPCAM_DEVICE void smooth(const Shapes& shapes, const Meshes& meshes, const Hei
         camera = load_camera(wp::index(views, world));
     if (!IN_PLACE)
         copy_lit<IMAGES>(target, region, size_t(world) * target.height * target.width);
-    smooth_region<TYPES, LENS, WIDTH, HEIGHT, IMAGES, BY_WORDS, IN_PLACE>(shapes, meshes, fields, target, camera,
+    smooth_region<Types, LENS, WIDTH, HEIGHT, IMAGES, BY_WORDS, IN_PLACE>(shapes, meshes, fields, target, camera,
                                                                           region, world);
 }
 

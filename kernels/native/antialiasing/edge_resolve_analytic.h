@@ -39,14 +39,14 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
     int total, next;                // of `samples`, and how many times 32 of them were taken
 };
 
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
     using Centres = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
     using Edges = KeptEdges<WIDTH, HEIGHT>;
     using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / WARP_SIZE;
-    static constexpr bool SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
-    static constexpr int ROUND = TYPES & (1 << SPHERE | 1 << ELLIPSOID);
-    static constexpr int TRACED = (analytic_types(TYPES) & ~(1 << ELLIPSOID)) | (ROUND ? 1 << SPHERE : 0);
+    static constexpr bool SIDED = Types::has_any(BOX, CYLINDER);
+    static constexpr bool ROUND = Types::has_any(SPHERE, ELLIPSOID);
+    static constexpr int TRACED = (Types::ANALYTIC & ~(1 << ELLIPSOID)) | (ROUND ? 1 << SPHERE : 0);
 
     Edges& edges;
     const EdgeTester<LENS, Centres>& seen;
@@ -169,10 +169,10 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         if (rank >= count)
             return;
         ShapeRecord record;
-        if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, edges.records[rank].origin.w,
+        if (!sample_record<Types, LENS>(shapes, meshes, fields, camera, region, world, edges.records[rank].origin.w,
                                         record))
             record.axis_x.w = -1;  // of no type: nothing hits it
-        if ((TYPES >> ELLIPSOID & 1) && record.axis_x.w == ELLIPSOID)
+        if (Types::has(ELLIPSOID) && record.axis_x.w == ELLIPSOID)
             record.axis_x.w = SPHERE;  // as a unit sphere is met as one: a type less to look through
         edges.records[rank] = record;
     }
@@ -206,7 +206,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
     WARPCAM_DEVICE int shown_side(const Spot& spot, int sample, const ShapeRecord& record) const
     {
         const CameraRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);
-        const float depth = intersect_any<TYPES & (1 << BOX | 1 << CYLINDER)>(record, ray.local(record));
+        const float depth = intersect_any<Types::GEOMETRY & (1 << BOX | 1 << CYLINDER)>(record, ray.local(record));
         unsigned left = showing(spot, record.origin.w), order = Neighborhood3x3::order(sample);
         int best_at = nearest(left, order);
         left &= ~(1u << best_at);
@@ -339,7 +339,7 @@ template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> 
         const int slot = threadIdx.x;
         edges.seen[slot] = 0;
         if (SIDED)
-            edges.sided[slot] = has_sides<TYPES>(shapes, slot - 1 < int(shapes.types.shape[0]) ? slot - 1 : -1);
+            edges.sided[slot] = has_sides<Types>(shapes, slot - 1 < int(shapes.types.shape[0]) ? slot - 1 : -1);
         if (slot == 0)
             edges.total = 0;
     }

@@ -70,9 +70,9 @@ struct ShapesAround {
     }
 };
 
-template <int TYPES, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
+template <class Types, int LENS, int IMAGES, class Shapes, class Meshes, class HeightFields, class Centres>
 struct EdgeResolver {
-    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    static constexpr bool HAS_MESH = Types::has(MESH), HAS_FIELD = Types::has(HEIGHT_FIELD);
 
     const Shapes& shapes;
     const Meshes& meshes;
@@ -102,7 +102,7 @@ struct EdgeResolver {
     // Lists a pixel, if it has an edge.
     void look_at(int i, int j)
     {
-        const auto sided = [&](int shape) { return has_sides<TYPES>(shapes, shape); };
+        const auto sided = [&](int shape) { return has_sides<Types>(shapes, shape); };
         const unsigned samples = seen.template edge<IMAGES>(i, j, sided);
         if (!samples)
             return;
@@ -176,7 +176,7 @@ struct EdgeResolver {
         };
         for (int slot = 0; slot < around.count; ++slot) {
             ShapeRecord& record = around.records[slot];
-            if (!sample_record<TYPES, LENS>(shapes, meshes, fields, camera, region, world, around.ids[slot], record))
+            if (!sample_record<Types, LENS>(shapes, meshes, fields, camera, region, world, around.ids[slot], record))
                 continue;
             record.axis_y.w = slot;
             keys[slot] = HAS_MESH ? as_float(record.size.w) : 0.0f;
@@ -223,9 +223,9 @@ struct EdgeResolver {
             put(from.own, traced ? begin : never, n);
         }
         if (mesh)
-            trace_mesh<TYPES, LENS, true>(meshes, record, from, rays);
+            trace_mesh<Types, LENS, true>(meshes, record, from, rays);
         else
-            trace_record<TYPES, LENS>(record, from, fields, rays);
+            trace_record<Types, LENS>(record, from, fields, rays);
         for (int n = 0; n < some; ++n) {
             SampleHits& its = hits[pixels[n]];
             const IntQuad hit = get(rays.shape, n) >= 0;
@@ -265,7 +265,7 @@ struct EdgeResolver {
             return seen.template select<IMAGES>(left, edge.i, edge.j, sample_offset(sample), its.depth[sample], true,
                                                 turned);
         };
-        return shown_sample<TYPES>(seen, meshes, camera, edge.i, edge.j, sample, its.depth[sample], its.face[sample],
+        return shown_sample<Types>(seen, meshes, camera, edge.i, edge.j, sample, its.depth[sample], its.face[sample],
                                    record, edge.samples, show);
     }
 
@@ -300,7 +300,7 @@ struct EdgeResolver {
     }
 };
 
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, bool BY_WORDS, bool IN_PLACE, class Shapes,
           class Meshes, class HeightFields, class Target>
 inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, const Target& target,
                           const Camera& camera, const Region& region, int world)
@@ -308,7 +308,7 @@ inline void smooth_region(const Shapes& shapes, const Meshes& meshes, const Heig
     using Centres = CentresAtHand<IMAGES, WIDTH, HEIGHT, Target>;
     const Centres centres(target, unsigned(world) * target.height * target.width, region);
     const EdgeTester<LENS, Centres> seen { centres, pixel_width<LENS>(camera), camera.scale_y };
-    EdgeResolver<TYPES, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen,
+    EdgeResolver<Types, LENS, IMAGES, Shapes, Meshes, HeightFields, Centres> smoother(shapes, meshes, fields, seen,
                                                                                       camera, region, world);
     const int right = min(region.left + region.width, target.width);
     const int bottom = min(region.top + region.height, target.height);

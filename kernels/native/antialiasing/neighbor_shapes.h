@@ -69,7 +69,7 @@ struct NearShapes {
     WARPCAM_DEVICE int place_of_byte(int id) const { return places[id]; }  // of one below NEAR_KEYS, if all are
 
     // Makes the records of all that were added; with barriers.
-    template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
+    template <class Types, int LENS, class Shapes, class Meshes, class HeightFields>
     WARPCAM_DEVICE void prepare_all(const Shapes& shapes, const Meshes& all_meshes, const HeightFields& all_fields,
                                     const Camera& camera, const Region& region, int world)
     {
@@ -77,8 +77,8 @@ struct NearShapes {
         ShapeRecord record;
         bool seen = false;
         if (mine < count) {
-            seen = sample_record<TYPES, LENS>(shapes, all_meshes, all_fields, camera, region, world, ids[mine], record);
-            nearest[mine] = !seen ? MISS : TYPES >> MESH & 1 ? as_float(record.size.w) : 0.0f;
+            seen = sample_record<Types, LENS>(shapes, all_meshes, all_fields, camera, region, world, ids[mine], record);
+            nearest[mine] = !seen ? MISS : Types::has(MESH) ? as_float(record.size.w) : 0.0f;
         }
         block_sync();
         if (mine < count) {
@@ -91,9 +91,9 @@ struct NearShapes {
             if (seen) {
                 record.axis_y.w = rank;
                 records[rank] = record;
-                if (is_mesh<TYPES>(record))
+                if (is_mesh<Types>(record))
                     atomicOr(meshes + rank / WARP_SIZE, 1u << rank % WARP_SIZE);
-                if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD)
+                if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD)
                     atomicOr(fields + rank / WARP_SIZE, 1u << rank % WARP_SIZE);
             }
         }

@@ -10,7 +10,10 @@ namespace warpcam {
 
 // Most pixels that a block resolves together: at the end its warps wait for the one whose rays take longest. The blocks
 // of a multiprocessor have room for so many: antialiasing.py.
-constexpr int most_together(int types) { return types >> HEIGHT_FIELD & 1 ? 384 : types >> MESH & 1 ? 440 : 320; }
+template <class Types> constexpr int most_together()
+{
+    return Types::has(HEIGHT_FIELD) ? 384 : Types::has(MESH) ? 440 : 320;
+}
 
 // Hit of a sample in scenes with meshes.
 struct SampleHit {
@@ -27,9 +30,9 @@ template <> struct ListedBits<false> {
 
 // A pixel with an edge: its place in the region, and what edge() says of it in the lowest bits. Without meshes and
 // height fields regions have half as many rows, so that 16 bits hold it.
-template <int TYPES> struct ListedPixel {
+template <class Types> struct ListedPixel {
     static constexpr int SHIFT = SAMPLES + 1;
-    static constexpr bool LARGE = TYPES >> MESH & 1 || TYPES >> HEIGHT_FIELD & 1;
+    static constexpr bool LARGE = Types::has(MESH) || Types::has(HEIGHT_FIELD);
     typename ListedBits<LARGE>::type bits;
 
     WARPCAM_DEVICE int place() const { return int(bits >> SHIFT); }
@@ -37,11 +40,11 @@ template <int TYPES> struct ListedPixel {
 };
 
 // Pixels that a block smooths together.
-template <int TYPES> struct SampleBatch {
-    static constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
-    static constexpr int MOST = most_together(TYPES);
+template <class Types> struct SampleBatch {
+    static constexpr bool HAS_MESH = Types::has(MESH), HAS_FIELD = Types::has(HEIGHT_FIELD);
+    static constexpr int MOST = most_together<Types>();
 
-    const ListedPixel<TYPES>* pixels;
+    const ListedPixel<Types>* pixels;
     NearBits own[MOST];                       // the shapes around
     Band meshes[HAS_MESH ? MOST : 1], fields[HAS_FIELD ? MOST : 1];
     unsigned char ground[HAS_FIELD ? MOST : 1];  // the record of what is_behind(), not traced, or NEAR_SHAPES
@@ -74,7 +77,7 @@ struct Ranked {
 };
 
 // The nearest hit of the lane's ray among the shapes in `own` that are in `walked`.
-template <int TYPES, int LENS, class HeightFields>
+template <class Types, int LENS, class HeightFields>
 WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsigned own, const CameraRay<LENS>& ray,
                               float near, const HeightFields& fields, const Band& ground, Hit& hit)
 {
@@ -82,7 +85,7 @@ WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsig
         const int rank = ctz(walked);
         const ShapeRecord& record = records[rank];
         const bool mine = own >> rank & 1;
-        if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+        if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD) {
             if (mine) {
                 Hit within { min(hit.depth, ground.last), -1, -1 };
                 walk_height_field(fields, record, ray, max(near, ground.first), within);
@@ -91,7 +94,7 @@ WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsig
             }
             __syncwarp();
         } else {
-            const float t = intersect_any<analytic_types(TYPES)>(record, ray.local(record));
+            const float t = intersect_any<Types::ANALYTIC>(record, ray.local(record));
             if (mine && t < hit.depth && t > near) {
                 hit.depth = t;
                 hit.shape = record.axis_y.w;
@@ -101,8 +104,8 @@ WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsig
 }
 
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
-template <int TYPES, int LENS, class Centres>
-WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const NearShapes& list, const Camera& camera,
+template <class Types, int LENS, class Centres>
+WARPCAM_DEVICE void list_samples(SampleBatch<Types>& chunk, int pixel, const NearShapes& list, const Camera& camera,
                                  const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
     const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
@@ -116,9 +119,9 @@ WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const Nea
         for (int w = 0; w < NEAR_WORDS; ++w) {
             const unsigned bit = rank / WARP_SIZE == w ? 1u << rank % WARP_SIZE : 0;
             own[w] |= bit;
-            if (SampleBatch<TYPES>::HAS_MESH)
+            if (SampleBatch<Types>::HAS_MESH)
                 meshes_at |= unsigned((bit & list.meshes[w]) != 0) << k;
-            if (SampleBatch<TYPES>::HAS_FIELD && bit) {
+            if (SampleBatch<Types>::HAS_FIELD && bit) {
                 const bool is_field = bit & list.fields[w];
                 fields_at |= unsigned(is_field) << k;
                 others_at |= unsigned(!is_field) << k;
@@ -151,18 +154,18 @@ WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const Nea
             include(k, rank);
         }
     }
-    if (SampleBatch<TYPES>::HAS_MESH || SampleBatch<TYPES>::HAS_FIELD)
+    if (SampleBatch<Types>::HAS_MESH || SampleBatch<Types>::HAS_FIELD)
 #pragma unroll
         for (int k = 0; k < 9; ++k) {
             const float depth = seen.depth(seen.around(i, j, k));
-            if (SampleBatch<TYPES>::HAS_MESH && (meshes_at >> k & 1))
+            if (SampleBatch<Types>::HAS_MESH && (meshes_at >> k & 1))
                 on_meshes.include(depth);
-            if (SampleBatch<TYPES>::HAS_FIELD && (fields_at >> k & 1))
+            if (SampleBatch<Types>::HAS_FIELD && (fields_at >> k & 1))
                 on_fields.include(depth);
-            if (SampleBatch<TYPES>::HAS_FIELD && (others_at >> k & 1))
+            if (SampleBatch<Types>::HAS_FIELD && (others_at >> k & 1))
                 others.include(depth);
         }
-    if (SampleBatch<TYPES>::HAS_FIELD) {
+    if (SampleBatch<Types>::HAS_FIELD) {
         const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
         chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
         for (int w = 0; w < NEAR_WORDS; ++w)
@@ -170,9 +173,9 @@ WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const Nea
     }
     for (int w = 0; w < NEAR_WORDS; ++w)
         chunk.own[pixel][w] = own[w];
-    if (SampleBatch<TYPES>::HAS_MESH)
+    if (SampleBatch<Types>::HAS_MESH)
         chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
-    if (SampleBatch<TYPES>::HAS_FIELD)
+    if (SampleBatch<Types>::HAS_FIELD)
         chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
     int meshes = 0;
     for (int w = 0; w < NEAR_WORDS; ++w)
@@ -191,12 +194,12 @@ WARPCAM_DEVICE void list_samples(SampleBatch<TYPES>& chunk, int pixel, const Nea
 }
 
 // Traces the samples of a chunk; each warp takes 32 at a time.
-template <int TYPES, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
-WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& list, Rays& waiting,
+template <class Types, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
+WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& chunk, const NearShapes& list, Rays& waiting,
                                   const Meshes& meshes, const HeightFields& fields, const Camera& camera,
                                   const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
-    constexpr bool HAS_MESH = SampleBatch<TYPES>::HAS_MESH, HAS_FIELD = SampleBatch<TYPES>::HAS_FIELD;
+    constexpr bool HAS_MESH = SampleBatch<Types>::HAS_MESH, HAS_FIELD = SampleBatch<Types>::HAS_FIELD;
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float near = camera.near;
     const auto ray_of = [&](int sample) {
@@ -212,7 +215,7 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& l
         chunk.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0
                 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
-                : shown_sample<TYPES, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
+                : shown_sample<Types, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
                                               list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
     };
     // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
@@ -238,7 +241,7 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& l
         for (int w = 0; w < NEAR_WORDS; ++w) {
             around[w] = active ? chunk.own[pixel][w] : 0;
             if (w < words)
-                trace_own<TYPES, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w],
+                trace_own<Types, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w],
                                        around[w], ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
         }
         if (active)
@@ -261,10 +264,10 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<TYPES>& chunk, const NearShapes& l
         return true;
     };
     if constexpr (HAS_MESH) {
-        trace_rays<TYPES>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
+        trace_rays<Types>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_sync();
         if constexpr (Centres::PLACED) {
-            show_samples<TYPES, IMAGES>(chunk, list, meshes, camera, seen, region);
+            show_samples<Types, IMAGES>(chunk, list, meshes, camera, seen, region);
             return;
         }
         for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {

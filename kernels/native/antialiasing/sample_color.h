@@ -7,7 +7,7 @@
 #if defined(__CUDA_ARCH__)
 namespace warpcam {
 
-template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct PlacedShower {
+template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct PlacedShower {
     const EdgeTester<LENS, Centres>& seen;
     const Meshes& meshes;
     const Camera& camera;
@@ -63,7 +63,7 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         for (; !(left >> best_at & 1); order >>= 4)
             best_at = order & 15;
         left &= ~(1u << best_at);
-        constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER | 1 << HEIGHT_FIELD);
+        constexpr int SIDED = Types::GEOMETRY & (1 << BOX | 1 << CYLINDER | 1 << HEIGHT_FIELD);
         const int type = record.axis_x.w;
         if (!left || !hits || !((type == MESH && face >= 0) || (SIDED >> type & 1)))
             return false;
@@ -77,7 +77,8 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
         unsigned apart = unlike(colour(best_at)), order = Neighborhood3x3::order(sample);
         const int type = record.axis_x.w;
-        const bool is_face = type == MESH && face >= 0, is_sided = (TYPES & (1 << BOX | 1 << CYLINDER)) >> type & 1;
+        const bool is_face = type == MESH && face >= 0,
+                   is_sided = (Types::GEOMETRY & (1 << BOX | 1 << CYLINDER)) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
@@ -127,7 +128,7 @@ template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres> struct P
 
 // Says which pixels show all samples of a chunk. Each warp first looks at those it takes, and then, in full warps, at
 // those of which that is not told by shapes and colours.
-template <int TYPES, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
+template <class Types, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
 WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
                                  const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
@@ -135,7 +136,7 @@ WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes&
     unsigned short* const open_of =
         reinterpret_cast<unsigned short*>(chunk.own);  // the others, and above them the nearest
     const int lane = threadIdx.x % WARP_SIZE, begin = threadIdx.x - lane, total = chunk.total();
-    using Shower = PlacedShower<TYPES, IMAGES, LENS, Meshes, Centres>;
+    using Shower = PlacedShower<Types, IMAGES, LENS, Meshes, Centres>;
     const auto shower_of = [&](int sample) {
         const int at = chunk.place(sample / SAMPLES);
         return Shower { seen, meshes, camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES };

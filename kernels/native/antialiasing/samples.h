@@ -101,13 +101,13 @@ WARPCAM_DEVICE void put_means(const Centres& centres, size_t at, const unsigned 
 
 // The record of a shape as the view sees it, with its id at the origin; false if it is not seen. Who lists it gives it
 // its place in the list for an id: what is hit then leads to it.
-template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields>
+template <class Types, int LENS, class Shapes, class Meshes, class HeightFields>
 WARPCAM_DEVICE bool sample_record(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                   const Camera& camera, const Region& region, int world, int id, ShapeRecord& record)
 {
     TileRect tiles;
     const bool seen =
-        setup_shape<TYPES, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles)
+        setup_shape<Types, LENS, false>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles)
         == SEEN;
     record.origin.w = id;
     return seen;
@@ -122,9 +122,9 @@ template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, un
 }
 
 // True if a shape, which may be none, has sides that meet in edges.
-template <int TYPES, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
+template <class Types, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
 {
-    constexpr int SIDED = TYPES & (1 << MESH | 1 << BOX | 1 << CYLINDER);
+    constexpr int SIDED = Types::GEOMETRY & (1 << MESH | 1 << BOX | 1 << CYLINDER);
     return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
 }
 
@@ -143,16 +143,16 @@ template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const 
 // EdgeTester::shown() does. Two surfaces that meet in an edge are near each other in depth, but differ in colour: so
 // the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
 // side. `record` is that of the shape hit, `edge` the pixel's edge().
-template <int TYPES, int LENS, class Meshes, class Centres, class Show>
+template <class Types, int LENS, class Meshes, class Centres, class Show>
 WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera,
                                 int i, int j, int sample, float depth, int face, const ShapeRecord& record,
                                 unsigned edge, const Show& show)
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
-    constexpr int SIDED = TYPES & (1 << BOX | 1 << CYLINDER);
+    constexpr bool SIDED = Types::has_any(BOX, CYLINDER);
     const int type = record.axis_x.w;
-    const bool is_face = (TYPES >> MESH & 1) && type == MESH && face >= 0;
+    const bool is_face = Types::has(MESH) && type == MESH && face >= 0;
     const bool is_sided = SIDED && (type == BOX || type == CYLINDER);
     const unsigned rows = as_int(record.size.z);
     Vec3 normal { 0.0f, 0.0f, 0.0f };
@@ -172,12 +172,12 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
     return show(is_face || is_sided || type == HEIGHT_FIELD, turned);
 }
 
-template <int TYPES, int IMAGES, int LENS, class Meshes, class Centres>
+template <class Types, int IMAGES, int LENS, class Meshes, class Centres>
 WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Meshes& meshes, const Camera& camera,
                                 int i, int j, int sample, float depth, int face, const ShapeRecord& record,
                                 unsigned edge)
 {
-    return shown_sample<TYPES>(
+    return shown_sample<Types>(
         seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {
             return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, turned);
         });

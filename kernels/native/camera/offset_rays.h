@@ -59,7 +59,7 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
 
     WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(beam(), record); }
 
-    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
+    template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
         return frame_along(local(record));
     }

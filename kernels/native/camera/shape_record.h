@@ -4,20 +4,12 @@
 
 namespace warpcam {
 
-// Values of types.py and, as bits, of flags.py.
-enum ShapeType {
-    PLANE,
-    HEIGHT_FIELD,
-    SPHERE,
-    CAPSULE,
-    ELLIPSOID,
-    CYLINDER,
-    BOX,
-    MESH,
-    CONE,
-    BARREL,
+// Values of types.py and, as bits, of GeometryFlag in flags.py.
+enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SPLATS };
+
+// Features of a scene, as bits those of SceneFlag in flags.py.
+enum SceneFeature {
     PER_SHAPE_SCALE,
-    SPLATS,
     TWO_SIDED,
     ALPHA_TESTED,
     SHADING_BACKS,
@@ -33,6 +25,17 @@ enum ShapeType {
     LIT_NORMALS,
     COINCIDENT
 };
+
+// Shape types and features that a kernel is compiled for.
+template <int GEOMETRY_, int FEATURES_> struct SceneTypes {
+    static constexpr int GEOMETRY = GEOMETRY_, FEATURES = FEATURES_;
+    static constexpr int ANALYTIC = GEOMETRY & ~(1 << MESH | 1 << HEIGHT_FIELD);  // types that rays do not walk through
+
+    static constexpr bool has(ShapeType type) { return GEOMETRY >> type & 1; }
+    static constexpr bool has(SceneFeature feature) { return FEATURES >> feature & 1; }
+    template <class... Types> static constexpr bool has_any(Types... types) { return (has(types) || ...); }
+};
+
 // RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own, see
 // camera/offset_rays.h.
 enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, RAY_TABLE_WITH_ORIGINS };
@@ -61,14 +64,14 @@ struct ShapeRecord {
 };
 
 // True if a face is visible from behind, by its second row: see Meshes.faces.
-template <int TYPES> WARPCAM_DEVICE bool has_back(int mark) { return (TYPES >> TWO_SIDED & 1) && mark != 0; }
+template <class Types> WARPCAM_DEVICE bool has_back(int mark) { return (Types::has(TWO_SIDED)) && mark != 0; }
 
 // True if the corners of a face have the face's own normal, by its second and third row.
-template <int TYPES> WARPCAM_DEVICE bool is_flat(int back, int mark) { return has_back<TYPES>(back) && mark != 0; }
+template <class Types> WARPCAM_DEVICE bool is_flat(int back, int mark) { return has_back<Types>(back) && mark != 0; }
 
-template <int TYPES> WARPCAM_DEVICE bool is_mesh(const ShapeRecord& record)
+template <class Types> WARPCAM_DEVICE bool is_mesh(const ShapeRecord& record)
 {
-    return (TYPES >> MESH & 1) && record.axis_x.w == MESH;
+    return (Types::has(MESH)) && record.axis_x.w == MESH;
 }
 
 struct Ray {
@@ -122,9 +125,9 @@ template <int LENS> struct CameraRay {
                  { (ax.x * x - ax.z) + ax.y * y, (ay.x * x - ay.z) + ay.y * y, (az.x * x - az.z) + az.y * y } };
     }
 
-    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
+    template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
-        if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0 || LENS == RAYS)
+        if constexpr (Types::has(PER_SHAPE_SCALE) || LENS == RAYS)
             return frame_along(local(record));
         const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
         const Vec3 origin = local(record).origin;

@@ -44,7 +44,7 @@ struct Shape {
 
 // The half widths of an analytic shape's box, and the scale that makes it a unit shape. False for sizes that are
 // not positive: such a shape is not drawn.
-template <int TYPES> WARPCAM_DEVICE bool unit_shape(const Shape& shape, LocalBounds& extent, Vec3& scale)
+template <class Types> WARPCAM_DEVICE bool unit_shape(const Shape& shape, LocalBounds& extent, Vec3& scale)
 {
     const Vec3 s = shape.size;
     Vec3 e = s;
@@ -52,9 +52,9 @@ template <int TYPES> WARPCAM_DEVICE bool unit_shape(const Shape& shape, LocalBou
         e = { s.x, s.x, s.x };
     else if (shape.type == CAPSULE)
         e = { s.x, s.x, s.x + s.y };
-    else if (shape.type == CYLINDER || ((TYPES >> CONE & 1) && shape.type == CONE))
+    else if (shape.type == CYLINDER || (Types::has(CONE) && shape.type == CONE))
         e = { s.x, s.x, s.y };
-    if ((TYPES >> BARREL & 1) && shape.type == BARREL) {  // half a length of the arc lies outside of the ends' radius
+    if (Types::has(BARREL) && shape.type == BARREL) {  // half a length of the arc lies outside of the ends' radius
         const float arc = max(s.z, s.y),
                     belly = s.x + (s.z > 0.0f ? s.y * s.y / (arc + sqrt(arc * arc - s.y * s.y)) : 0.0f);
         extent = { { 0.0f, 0.0f, 0.0f }, { belly, belly, s.y } };
@@ -79,13 +79,13 @@ WARPCAM_DEVICE LocalBounds stretched_by(const LocalBounds& e, Vec3 s)
 }
 
 // Type-specific part: box, scale and size row. False if the shape draws nothing.
-template <int TYPES, class Meshes, class HeightFields>
+template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
                                  LocalBounds& extent, Vec3& scale, ShapeRecord& record)
 {
     scale = { 1.0f, 1.0f, 1.0f };
     const int asset = shape.asset;
-    const bool stretched = (TYPES >> PER_SHAPE_SCALE & 1) && (shape.type == MESH || shape.type == HEIGHT_FIELD);
+    const bool stretched = Types::has(PER_SHAPE_SCALE) && (shape.type == MESH || shape.type == HEIGHT_FIELD);
     Vec3 stretch { 1.0f, 1.0f, 1.0f };
     if (stretched) {
         stretch = shape.size;
@@ -93,7 +93,7 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
             return false;
         scale = { 1.0f / stretch.x, 1.0f / stretch.y, 1.0f / stretch.z };
     }
-    if ((TYPES >> MESH & 1) && shape.type == MESH) {
+    if (Types::has(MESH) && shape.type == MESH) {
         if (asset < 0)
             return false;
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
@@ -106,7 +106,7 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
             extent = stretched_by(extent, stretch);
         return hi[0] >= lo[0];
     }
-    if ((TYPES >> HEIGHT_FIELD & 1) && shape.type == HEIGHT_FIELD) {
+    if (Types::has(HEIGHT_FIELD) && shape.type == HEIGHT_FIELD) {
         if (asset < 0)
             return false;
         const auto size = wp::index(fields.size, asset);
@@ -120,17 +120,17 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
             extent = stretched_by(extent, stretch);
         return true;
     }
-    if ((TYPES >> PLANE & 1) && shape.type == PLANE) {
+    if (Types::has(PLANE) && shape.type == PLANE) {
         record.size.x = shape.size.x < MISS ? shape.size.x : 0.0f;
         record.size.y = shape.size.y < MISS ? shape.size.y : 0.0f;
         const bool finite = record.size.x > 0.0f && record.size.y > 0.0f;
         extent = { { 0.0f, 0.0f, 0.0f }, { finite ? record.size.x : -1.0f, record.size.y, 0.0f } };
         return true;
     }
-    if (!unit_shape<TYPES>(shape, extent, scale))
+    if (!unit_shape<Types>(shape, extent, scale))
         return false;
     record.size.x = shape.type == CAPSULE ? shape.size.y * scale.x : 0.0f;
-    if ((TYPES >> BARREL & 1) && shape.type == BARREL) {
+    if (Types::has(BARREL) && shape.type == BARREL) {
         record.size.x = shape.size.y * scale.x;
         record.size.y = shape.size.z > 0.0f ? max(shape.size.z, shape.size.y) * scale.x : STRAIGHT;
     }
@@ -256,7 +256,7 @@ struct BoundsAndScale {
 };
 
 // Per-shape data that depends on no camera; also the size row of the shape's record.
-template <int TYPES, class Meshes, class HeightFields>
+template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
                                  BoundsAndScale& form, ShapeRecord& record)
 {
@@ -268,13 +268,13 @@ WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const
         return BROKEN;
     form.extent = {};
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    return shape_bounds<TYPES>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
+    return shape_bounds<Types>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
 }
 
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four
 // are worked out at once, of which each stands for two; with all of them the registers of a trace would be twice as
 // many.
-template <int TYPES, int LENS, bool BOXES = true, int CORNERS = 1>
+template <class Types, int LENS, bool BOXES = true, int CORNERS = 1>
 WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, const Camera& camera, const Region& region,
                              ShapeRecord& record, TileRect& tiles)
 {
@@ -329,7 +329,7 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
             }
         } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
             ViewSpan span { MISS, -MISS, MISS, -MISS };
-            if ((TYPES & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
+            if ((Types::GEOMETRY & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
                 span_round<LENS>(shape.type, center, depth, m, e, span);
             } else {
                 const Vec3 side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };
@@ -366,14 +366,14 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
 }
 
 // All of it.
-template <int TYPES, int LENS, bool BOXES = true, class Meshes, class HeightFields>
+template <class Types, int LENS, bool BOXES = true, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Visible setup_shape(const Shape& shape, const Camera& camera, const Region& region,
                                                         const Meshes& meshes, const HeightFields& fields,
                                                         ShapeRecord& record, TileRect& tiles)
 {
     BoundsAndScale form;
-    const Visible found = find_form<TYPES>(shape, meshes, fields, form, record);
-    return found == SEEN ? place<TYPES, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
+    const Visible found = find_form<Types>(shape, meshes, fields, form, record);
+    return found == SEEN ? place<Types, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
 }
 
 }  // namespace warpcam

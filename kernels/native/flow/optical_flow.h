@@ -18,7 +18,7 @@ template <int LENS> WARPCAM_DEVICE float project_previous(const Float3Int& by, f
 }
 
 // Motion of a point of a mesh's face in the mesh's own frame, without the shape's scale.
-template <int TYPES, int LENS, class Trail, class Shapes>
+template <class Types, int LENS, class Trail, class Shapes>
 WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, const Camera& camera,
                                    const CameraRay<LENS>& seen, const Hit& hit, int corners, int world)
 {
@@ -27,7 +27,7 @@ WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, con
     Vec3 local { r.data[0][0] * away.x + r.data[1][0] * away.y + r.data[2][0] * away.z,
                  r.data[0][1] * away.x + r.data[1][1] * away.y + r.data[2][1] * away.z,
                  r.data[0][2] * away.x + r.data[1][2] * away.y + r.data[2][2] * away.z };
-    if (TYPES >> PER_SHAPE_SCALE & 1) {
+    if (Types::has(PER_SHAPE_SCALE)) {
         const Vec3 size = as_vec3(per_world(shapes.sizes, world, hit.shape));
         local = { local.x / size.x, local.y / size.y, local.z / size.z };
     }
@@ -104,7 +104,7 @@ WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int sh
 }
 
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
-template <int TYPES, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
+template <class Types, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
 WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
                              const CameraRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below,
                              Index pixel)
@@ -123,7 +123,7 @@ WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Sha
         Vec3 within { 0.0f, 0.0f, 0.0f };
         if constexpr (MOVES) {
             if (corners >= 0) {
-                within = moved_within<TYPES>(trail, shapes, camera, seen, hit, corners, world);
+                within = moved_within<Types>(trail, shapes, camera, seen, hit, corners, world);
                 still = still && within.x == 0.0f && within.y == 0.0f && within.z == 0.0f;
             }
         }

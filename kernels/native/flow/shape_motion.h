@@ -277,7 +277,7 @@ WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const
 
 // Composes the motions of all shapes of a world, by the threads of a block, into its shared memory; the last threads
 // compose, since the first set shapes up. KEEP: this block writes the poses.
-template <int WANTED, int TYPES, int LENS, class Trail, class Shapes>
+template <int WANTED, class Types, int LENS, class Trail, class Shapes>
 WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
                                     int world, bool keep, int thread, Float3Int* motions)
 {
@@ -291,9 +291,8 @@ WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, co
     Float3Int* after = const_cast<Float3Int*>(in_first ? other : one);
     for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
         compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE,
-                                         (TYPES >> PER_SHAPE_SCALE & 1) != 0, (WANTED & FLOW_BRIEF) != 0,
-                                         before + shape, keep ? after + shape : nullptr,
-                                         motions + motion_rows<false>() * (shape + 1));
+                                         Types::has(PER_SHAPE_SCALE), (WANTED & FLOW_BRIEF) != 0, before + shape,
+                                         keep ? after + shape : nullptr, motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
         put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
 }

@@ -47,25 +47,25 @@ WARPCAM_DEVICE Vec3 barrel_gradient(Vec3 at, Vec3 ray, float half, float arc)
 
 // Outwards, in the camera's frame, of any length. The rows take a place to the shape's own frame, so their transpose
 // takes back the gradient of a function of that place.
-template <int TYPES, int LENS>
+template <class Types, int LENS>
 WARPCAM_DEVICE Vec3 gradient(const ShapeRecord& record, const CameraRay<LENS>& seen, float depth)
 {
     const int type = record.axis_x.w;
     const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
-    if ((TYPES >> PLANE & 1) && type == PLANE)
+    if (Types::has(PLANE) && type == PLANE)
         return as_vec3(az);
     const Ray ray = seen.local(record);
     Vec3 g = ray.origin + depth * ray.direction;
     // from the nearest point of its axis; of the other shapes but barrels size.x is 0
-    if ((TYPES >> CAPSULE & 1) && (!(TYPES >> BARREL & 1) || type != BARREL))
+    if (Types::has(CAPSULE) && (!Types::has(BARREL) || type != BARREL))
         g.z -= clamp(g.z, -record.size.x, record.size.x);
-    if ((TYPES >> CYLINDER & 1) && type == CYLINDER)
+    if (Types::has(CYLINDER) && type == CYLINDER)
         g = cylinder_gradient(g, ray.direction);
-    if ((TYPES >> CONE & 1) && type == CONE)
+    if (Types::has(CONE) && type == CONE)
         g = cone_gradient(g, ray.direction);
-    if ((TYPES >> BARREL & 1) && type == BARREL)
+    if (Types::has(BARREL) && type == BARREL)
         g = barrel_gradient(g, ray.direction, record.size.x, record.size.y);
-    if ((TYPES >> BOX & 1) && type == BOX)
+    if (Types::has(BOX) && type == BOX)
         g = box_gradient(g, ray.direction);
     return { ax.x * g.x + ay.x * g.y + az.x * g.z, ax.y * g.x + ay.y * g.y + az.y * g.z,
              ax.z * g.x + ay.z * g.y + az.z * g.z };

@@ -198,11 +198,11 @@ WARPCAM_DEVICE void enter_all(const ShapeRecord& record, const Ray (&rays)[COUNT
 }
 
 // Intersects a shape whose type is known at run time only, out of a set known at compile time.
-template <int TYPES> WARPCAM_DEVICE float intersect_any(const ShapeRecord& record, Ray ray)
+template <int GEOMETRY> WARPCAM_DEVICE float intersect_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE)                                                                                              \
-    if ((TYPES >> TYPE & 1) && type == TYPE)                                                                           \
+    if ((GEOMETRY >> TYPE & 1) && type == TYPE)                                                                        \
         return enter<TYPE>(record, ray);
     WARPCAM_TRY(PLANE)
     WARPCAM_TRY(SPHERE)
@@ -216,22 +216,22 @@ template <int TYPES> WARPCAM_DEVICE float intersect_any(const ShapeRecord& recor
     return MISS;
 }
 
-// Intersects several rays likewise; the type is one of TYPES, which are tried in the order that follows.
-template <int TYPES, int COUNT, int TYPE, int... LATER>
+// Intersects several rays likewise; the type is one of GEOMETRY, which are tried in the order that follows.
+template <int GEOMETRY, int COUNT, int TYPE, int... LATER>
 WARPCAM_DEVICE void intersect_known(const ShapeRecord& record, const Ray (&rays)[COUNT], float (&t)[COUNT])
 {
-    constexpr bool last = (TYPES & (0 | ... | (1 << LATER))) == 0;
-    if constexpr (TYPES == 0)
+    constexpr bool last = (GEOMETRY & (0 | ... | (1 << LATER))) == 0;
+    if constexpr (GEOMETRY == 0)
         for (int k = 0; k < COUNT; ++k)
             t[k] = MISS;
-    if constexpr ((TYPES >> TYPE & 1) != 0) {
+    if constexpr ((GEOMETRY >> TYPE & 1) != 0) {
         if (last || record.axis_x.w == TYPE) {
             enter_all<TYPE>(record, rays, t);
             return;
         }
     }
     if constexpr (!last)
-        intersect_known<TYPES, COUNT, LATER...>(record, rays, t);
+        intersect_known<GEOMETRY, COUNT, LATER...>(record, rays, t);
 }
 
 }  // namespace warpcam

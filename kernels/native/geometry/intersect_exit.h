@@ -19,11 +19,11 @@ template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& recor
 }
 
 // Exit point from a shape whose type is known at run time only, out of a set known at compile time.
-template <int TYPES> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
+template <int GEOMETRY> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
     const int type = record.axis_x.w;
 #define WARPCAM_TRY(TYPE)                                                                                              \
-    if ((TYPES >> TYPE & 1) && type == TYPE)                                                                           \
+    if ((GEOMETRY >> TYPE & 1) && type == TYPE)                                                                        \
         return intersect_exit<TYPE>(record, ray);
     WARPCAM_TRY(SPHERE)
     WARPCAM_TRY(CAPSULE)

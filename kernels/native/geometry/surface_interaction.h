@@ -186,15 +186,15 @@ template <class Meshes> WARPCAM_DEVICE Float3Int face_row(const Meshes& meshes, 
 }
 
 // The face that stands in a row, as the mesh's or, seen from behind, as its back, whose corners go the other way round.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE Triangle load_triangle(const Meshes& meshes, int row, Vec3 ray, int& given, bool& flat)
 {
     const Float3Int first = face_row(meshes, row), second = face_row(meshes, row + 1),
                     third = face_row(meshes, row + 2);
     const Vec3 origin = as_vec3(first), edge1 = as_vec3(second) - origin, edge2 = as_vec3(third) - origin;
     given = first.w;
-    flat = is_flat<TYPES>(second.w, third.w);
-    if (has_back<TYPES>(second.w) && dot(cross(edge1, edge2), ray) > 0.0f) {
+    flat = is_flat<Types>(second.w, third.w);
+    if (has_back<Types>(second.w) && dot(cross(edge1, edge2), ray) > 0.0f) {
         given = second.w;
         return { origin, edge2, edge1 };
     }
@@ -218,28 +218,28 @@ struct MeshStart {
     int faces, corners;
 };
 
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE MeshStart mesh_start(const Meshes& meshes, const ShapeFromCamera& pose)
 {
-    if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
+    if constexpr (Types::has(PER_SHAPE_SCALE))
         return { wp::index(meshes.face_start, pose.asset()), wp::index(meshes.corner_start, pose.asset()) };
     return { as_int(pose.size.x), as_int(pose.size.y) };
 }
 
 // `face` counts the mesh's faces in leaf order; `ray` is in the mesh's own coordinates.
-template <int TYPES, class Meshes> WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
-                                                                    int face, Vec3 ray, SurfaceInteraction& surface)
+template <class Types, class Meshes> WARPCAM_DEVICE void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
+                                                                      int face, Vec3 ray, SurfaceInteraction& surface)
 {
-    const MeshStart start = mesh_start<TYPES>(meshes, pose);
+    const MeshStart start = mesh_start<Types>(meshes, pose);
     int given;
-    surface.triangle = load_triangle<TYPES>(meshes, start.faces + 3 * face, ray, given, surface.flat);
+    surface.triangle = load_triangle<Types>(meshes, start.faces + 3 * face, ray, given, surface.flat);
     surface.corner = 3 * (start.corners + given);
     triangle_surface(surface);
 }
 
 // `surface` comes in with the hit as its `local`; `ray` is the direction that it was seen along, of any length, in the
 // shape's frame; `face` is what the trace found there.
-template <int TYPES, class Meshes, class HeightFields, class Face, class Vector>
+template <class Types, class Meshes, class HeightFields, class Face, class Vector>
 WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields,
                                  const Face& face, Vector ray, SurfaceInteractionOf<Vector>& surface)
 {
@@ -248,31 +248,31 @@ WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& mesh
     const Vector local = surface.local, sizes = broadcast<Vector>(size);
     surface.normal = broadcast<Vector>({ 0.0f, 0.0f, 1.0f });
     surface.part = 0;
-    if ((TYPES >> SPHERE & 1) && type == SPHERE)
+    if (Types::has(SPHERE) && type == SPHERE)
         surface.normal = normalized(local);
-    if ((TYPES >> CAPSULE & 1) && type == CAPSULE)
+    if (Types::has(CAPSULE) && type == CAPSULE)
         capsule_surface<Vector>(size.y, surface);
-    if ((TYPES >> ELLIPSOID & 1) && type == ELLIPSOID)
+    if (Types::has(ELLIPSOID) && type == ELLIPSOID)
         ellipsoid_surface(size, surface);
-    if ((TYPES >> CYLINDER & 1) && type == CYLINDER)
+    if (Types::has(CYLINDER) && type == CYLINDER)
         cylinder_surface(size.x, size.y, ray, surface);
-    if ((TYPES >> BOX & 1) && type == BOX)
+    if (Types::has(BOX) && type == BOX)
         box_surface(size, ray, surface);
-    if constexpr ((TYPES >> CONE & 1) != 0)
+    if constexpr (Types::has(CONE))
         if (type == CONE)
             cone_surface(size, ray, surface);
-    if constexpr ((TYPES >> BARREL & 1) != 0)
+    if constexpr (Types::has(BARREL))
         if (type == BARREL)
             barrel_surface(size, ray, surface);
-    const bool stretched = (TYPES >> PER_SHAPE_SCALE & 1) && (type == MESH || type == HEIGHT_FIELD);
+    const bool stretched = Types::has(PER_SHAPE_SCALE) && (type == MESH || type == HEIGHT_FIELD);
     if (stretched)
         surface.local = div(local, sizes);
-    if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
+    if constexpr (Types::has(HEIGHT_FIELD))
         if (type == HEIGHT_FIELD)
             height_field_surface(fields, pose.asset(), face, surface);
-    if constexpr ((TYPES >> MESH & 1) != 0)
+    if constexpr (Types::has(MESH))
         if (type == MESH)
-            mesh_surface<TYPES>(meshes, pose, face, stretched ? div(ray, sizes) : ray, surface);
+            mesh_surface<Types>(meshes, pose, face, stretched ? div(ray, sizes) : ray, surface);
     if (stretched) {
         TriangleOf<Vector>& triangle = surface.triangle;
         surface.local = local;
@@ -281,13 +281,13 @@ WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& mesh
     }
 }
 
-template <int TYPES, class Meshes, class HeightFields>
+template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE SurfaceInteraction surface_at(const ShapeFromCamera& pose, const Meshes& meshes,
                                              const HeightFields& fields, int face, Vec3 local, Vec3 ray)
 {
     SurfaceInteraction surface {};
     surface.local = local;
-    find_surface<TYPES>(pose, meshes, fields, face, ray, surface);
+    find_surface<Types>(pose, meshes, fields, face, ray, surface);
     return surface;
 }
 
@@ -300,14 +300,14 @@ WARPCAM_DEVICE Vec3 vertex_normal(const Meshes& meshes, const SurfaceInteraction
 
 // The unit normal of a smooth surface, in the shape's frame. LIT_NORMALS: scaled after it is interpolated, as Newton's
 // camera does.
-template <int TYPES, class Meshes, class Vector>
+template <class Types, class Meshes, class Vector>
 WARPCAM_DEVICE Vector smooth_normal(const ShapeFromCamera& pose, const Meshes& meshes,
                                     const SurfaceInteractionOf<Vector>& surface)
 {
-    if constexpr ((TYPES >> MESH & 1) != 0) {
+    if constexpr (Types::has(MESH)) {
         if (pose.type() == MESH && any(!surface.flat)) {
             using Number = NumberOf<Vector>;
-            constexpr bool STRETCHED = TYPES >> PER_SHAPE_SCALE & 1, LATE = TYPES >> LIT_NORMALS & 1;
+            constexpr bool STRETCHED = Types::has(PER_SHAPE_SCALE), LATE = Types::has(LIT_NORMALS);
             const Vector size = broadcast<Vector>(as_vec3(pose.size));
             const Number weights[3] = { 1.0f - surface.weight1 - surface.weight2, surface.weight1, surface.weight2 };
             Vector sum = broadcast<Vector>({ 0.0f, 0.0f, 0.0f });

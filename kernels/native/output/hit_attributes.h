@@ -7,9 +7,9 @@
 namespace warpcam {
 
 // A face as it is stored. Of 16 bits the last number is none: -1, what is no face of a height field.
-template <int TYPES, class Face> WARPCAM_DEVICE int stored_face(Face face)
+template <class Types, class Face> WARPCAM_DEVICE int stored_face(Face face)
 {
-    return (TYPES >> HEIGHT_FIELD & 1) && sizeof(Face) == 2 && face == static_cast<Face>(-1) ? -1 : int(face);
+    return (Types::has(HEIGHT_FIELD)) && sizeof(Face) == 2 && face == static_cast<Face>(-1) ? -1 : int(face);
 }
 
 // Up to where a pass looks for what is seen, after one that has found something so far away: of shapes at one place the

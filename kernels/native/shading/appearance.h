@@ -114,18 +114,18 @@ template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, 
 }
 
 // Only what the images need.
-template <int TYPES, class Wants> struct ShapeAppearance : Either<Wants::SHIFTED, Shift, Unmoved>::type {
+template <class Types, class Wants> struct ShapeAppearance : Either<Wants::SHIFTED, Shift, Unmoved>::type {
     static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
     typename Kept<Wants::SURFACE, ShapeFromCamera>::type pose;
-    static constexpr bool JOINT = Wants::JOINS && (TYPES >> COINCIDENT & 1);
+    static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
     using Finish_ = typename Either<JOINT, JointFinish, ResolvedMaterial>::type;
     typename Kept<Wants::COLORED, typename Either<Wants::COATED, PbrMaterial, Finish_>::type>::type finish;
     typename Kept<Wants::TURNED, ShapeToWorldRotation>::type turn;
     typename Kept<Wants::TEXTURED, TextureLayout>::type layout;
-    typename Kept<Wants::FACETED && (TYPES >> PLANE & 1), PlaneGrid>::type cells;
+    typename Kept<Wants::FACETED && Types::has(PLANE), PlaneGrid>::type cells;
 };
 
-template <int TYPES, class Shapes, class Meshes>
+template <class Types, class Shapes, class Meshes>
 WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& meshes, const Camera& camera, int world,
                                          int id)
 {
@@ -144,7 +144,7 @@ WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& mes
     }
     const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
     Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
-    if ((TYPES >> MESH & 1) && !(TYPES >> PER_SHAPE_SCALE & 1) && type == MESH && asset >= 0) {
+    if (Types::has(MESH) && !Types::has(PER_SHAPE_SCALE) && type == MESH && asset >= 0) {
         size.x = as_float(wp::index(meshes.face_start, asset));
         size.y = as_float(wp::index(meshes.corner_start, asset));
     }
@@ -189,21 +189,20 @@ WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& mate
 }
 
 // The half extents of a shape as MuJoCo gives them to its renderer.
-template <int TYPES, class Meshes, class HeightFields>
+template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes, const HeightFields& fields)
 {
     const Vec3 size = as_vec3(pose.size);
     const int type = pose.type(), asset = pose.asset();
     if (type == SPHERE)
         return { size.x, size.x, size.x };
-    if (type == CAPSULE || type == CYLINDER
-        || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)))
+    if (type == CAPSULE || type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)))
         return { size.x, size.x, size.y };
-    if ((TYPES >> MESH & 1) && type == MESH && asset >= 0) {
+    if (Types::has(MESH) && type == MESH && asset >= 0) {
         const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
         return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
     }
-    if ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD && asset >= 0) {
+    if (Types::has(HEIGHT_FIELD) && type == HEIGHT_FIELD && asset >= 0) {
         const auto field = wp::index(fields.size, asset);
         return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
     }
@@ -212,14 +211,14 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
 
 // Repeats of an image along an axis. MuJoCo's renderer takes values that are not positive for 1, except where it
 // projects images from above.
-template <int TYPES> WARPCAM_DEVICE float repeat_of(float given, int type, int own)
+template <class Types> WARPCAM_DEVICE float repeat_of(float given, int type, int own)
 {
-    const bool from_above = (TYPES >> TEXTURE_FROM_ABOVE & 1) || type == HEIGHT_FIELD || (type == MESH && !own);
+    const bool from_above = Types::has(TEXTURE_FROM_ABOVE) || type == HEIGHT_FIELD || (type == MESH && !own);
     return given > 0.0f || from_above ? given : 1.0f;
 }
 
 // PHYSICALLY: images are repeated as the material says.
-template <int TYPES, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+template <class Types, bool PHYSICALLY, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
 WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& materials, const Textures& textures,
                                          const Meshes& meshes, const HeightFields& fields, const ShapeFromCamera& pose,
                                          int texture, int world, int id)
@@ -231,18 +230,18 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
     const int kind = layout.image.levels > 0 ? int(wp::index(textures.kind, texture)) : TEXTURE_2D;
     layout.cube = kind == TEXTURE_CUBE;
     const bool uniform = per_world(materials.texture_uniform, world, index);
-    if ((TYPES >> MESH & 1) && pose.type() == MESH && pose.asset() >= 0)
+    if (Types::has(MESH) && pose.type() == MESH && pose.asset() >= 0)
         layout.own = wp::index(meshes.has_uvs, pose.asset());
     const auto given = per_world(materials.texture_repeat, world, index);
     float repeat[2] = { given[0], given[1] };
     for (int axis = 0; axis < 2 && !PHYSICALLY; ++axis)
-        repeat[axis] = repeat_of<TYPES>(repeat[axis], pose.type(), layout.own);
-    const Vec3 extent = extent_of<TYPES>(pose, meshes, fields);
+        repeat[axis] = repeat_of<Types>(repeat[axis], pose.type(), layout.own);
+    const Vec3 extent = extent_of<Types>(pose, meshes, fields);
     layout.extent =
         make_float3_int(extent, uniform && extent.x + extent.y > 0.0f);  // metres on endless planes all the same
     layout.repeat[0] = repeat[0] * (uniform && extent.x > 0.0f ? extent.x : 1.0f);
     layout.repeat[1] = repeat[1] * (uniform && extent.y > 0.0f ? extent.y : 1.0f);
-    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+    if constexpr (Types::has(PROJECTED)) {
         layout.repeat[0] = repeat[0];
         layout.repeat[1] = repeat[1];
         if (pose.type() == PLANE) {
@@ -251,8 +250,8 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
         }
         return layout;
     }
-    if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
-        constexpr bool FROM_MIDDLE = TYPES >> TEXTURE_FROM_ABOVE & 1;
+    if (Types::has(PLANE) && pose.type() == PLANE) {  // a side of length 0 is endless, two metres an image
+        constexpr bool FROM_MIDDLE = Types::has(TEXTURE_FROM_ABOVE);
         const float offset = extent.x <= 0.0f || extent.y <= 0.0f || FROM_MIDDLE ? -0.5f : 0.0f;
         const float half[2] = { extent.x, extent.y };
         for (int axis = 0; axis < 2; ++axis) {
@@ -262,7 +261,7 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
     }
     if (layout.cube && layout.own)  // on such a mesh a cube texture does not show
         layout.image.levels = 0;
-    if constexpr ((TYPES >> TEXTURELESS_SHAPES & 1) != 0) {  // cylinders whose third size is -1, and some meshes
+    if constexpr (Types::has(TEXTURELESS_SHAPES)) {  // cylinders whose third size is -1, and some meshes
         if (layout.own < 0 || (pose.type() == CYLINDER && pose.size.z < 0.0f))
             layout.image.levels = 0;
         for (int axis = 0; axis < 2 && layout.own == 2; ++axis)
@@ -272,17 +271,17 @@ WARPCAM_DEVICE TextureLayout load_layout(const Shapes& shapes, const Materials& 
 }
 
 // Loads the parts of an appearance that only textured shapes and planes use.
-template <int TYPES, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
-WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes& shapes, const Materials& materials,
+template <class Types, class Wants, class Shapes, class Materials, class Textures, class Meshes, class HeightFields>
+WARPCAM_DEVICE void load_rest(ShapeAppearance<Types, Wants>& look, const Shapes& shapes, const Materials& materials,
                               const Textures& textures, const Meshes& meshes, const HeightFields& fields, float horizon,
                               int world, int id)
 {
     if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<TYPES, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
+        look.layout = load_layout<Types, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
                                                         look.finish.color.w, world, id);
     if constexpr (Wants::ON_SHEETS)
         look.layout.sheet = sheet_of(textures, look.finish.color.w);
-    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+    if constexpr (Wants::FACETED && Types::has(PLANE)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)
@@ -292,21 +291,21 @@ WARPCAM_DEVICE void load_rest(ShapeAppearance<TYPES, Wants>& look, const Shapes&
     }
 }
 
-template <int TYPES, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
+template <class Types, class Wants, class Shapes, class Materials, class Physical, class Textures, class Meshes,
           class HeightFields>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance(
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearance(
     const Shapes& shapes, const Materials& materials, const Physical& physical, const Textures& textures,
     const Meshes& meshes, const HeightFields& fields, const Camera& camera, float horizon, int world, int id)
 {
-    ShapeAppearance<TYPES, Wants> look;
+    ShapeAppearance<Types, Wants> look;
     if constexpr (Wants::SURFACE)
-        look.pose = load_pose<TYPES>(shapes, meshes, camera, world, id);
+        look.pose = load_pose<Types>(shapes, meshes, camera, world, id);
     if constexpr (Wants::TURNED)
         look.turn = load_turn(shapes, world, id);
     if constexpr (Wants::COLORED && !Wants::COATED) {
         const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);
         static_cast<ResolvedMaterial&>(look.finish) = finish;
-        if constexpr (ShapeAppearance<TYPES, Wants>::JOINT)
+        if constexpr (ShapeAppearance<Types, Wants>::JOINT)
             look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
     }
     if constexpr (Wants::COATED)
@@ -322,13 +321,13 @@ template <class Wants> struct Untextured : Wants {
 
 // Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.
 // PLACES: room for the drawn shapes' marks.
-template <int TYPES_, class Wants_, int PLACES, int SIZE> struct SeenLooks {
-    static constexpr int TYPES = TYPES_;
+template <class Types_, class Wants_, int PLACES, int SIZE> struct SeenLooks {
+    using Types = Types_;
     static constexpr bool MARKED = THREADS > 1 && PLACES > 1;
     using Wants = Wants_;
 
-    ShapeAppearance<TYPES, Wants> plane;  // whose corners are kept: shading/plane_vertex_lighting.h
-    ShapeAppearance<TYPES, Untextured<Wants>> looks[SIZE];
+    ShapeAppearance<Types, Wants> plane;  // whose corners are kept: shading/plane_vertex_lighting.h
+    ShapeAppearance<Types, Untextured<Wants>> looks[SIZE];
     unsigned short marks[PLACES];  // by place among the drawn shapes: 1 + where its look is, or 0
     int count;
 };

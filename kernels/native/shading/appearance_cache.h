@@ -4,11 +4,11 @@
 
 namespace warpcam {
 
-template <int TYPES, class Wants, class Scene_>
-WARPCAM_DEVICE ShapeAppearance<TYPES, Wants> load_appearance_for(const Scene_& scene, const Camera& camera, int world,
+template <class Types, class Wants, class Scene_>
+WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearance_for(const Scene_& scene, const Camera& camera, int world,
                                                                  int id)
 {
-    auto look = load_appearance<TYPES, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
+    auto look = load_appearance<Types, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
                                               scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
         dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
@@ -21,9 +21,9 @@ template <class EdgeTester, class Scene_>
 WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& scene, int world, int id)
 {
     using Wants = typename EdgeTester::Wants;
-    constexpr int TYPES = EdgeTester::TYPES;
+    using Types = typename EdgeTester::Types;
     const auto& bare = seen.looks[slot];
-    ShapeAppearance<TYPES, Wants> look;
+    ShapeAppearance<Types, Wants> look;
     look.pose = bare.pose;
     look.finish = bare.finish;
     look.turn = bare.turn;
@@ -32,7 +32,7 @@ WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& sc
         look.layout.image.levels = 0;
         more |= bare.finish.color.w >= 0;
     }
-    if constexpr (Wants::FACETED && (TYPES >> PLANE & 1)) {
+    if constexpr (Wants::FACETED && Types::has(PLANE)) {
         look.cells.u.step = 0.0f;
         more |= bare.pose.type() == PLANE;
     }
@@ -45,7 +45,7 @@ WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& sc
 }
 
 // A shape's look, as it is kept or made anew.
-template <int TYPES, int CAPACITY, class Wants, class Appearances, class List, class Scene_>
+template <class Types, int CAPACITY, class Wants, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& lights, const Scene_& scene,
                                       const Camera& camera, int world, int id)
 {
@@ -58,9 +58,9 @@ WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& ligh
                 return looks->plane;
         const int mark = Appearances::MARKED ? looks->marks[scene.shapes.places.data[id]] : 0;
         return mark > 0 ? completed(*looks, mark - 1, scene, world, id)
-                        : load_appearance_for<TYPES, Own>(scene, camera, world, id);
+                        : load_appearance_for<Types, Own>(scene, camera, world, id);
     } else {
-        return load_appearance_for<TYPES, Wants>(scene, camera, world, id);
+        return load_appearance_for<Types, Wants>(scene, camera, world, id);
     }
 }
 
@@ -118,7 +118,7 @@ WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Ca
         const int slot = atomicAdd(&seen.count, 1);
         seen.marks[place] = slot < SIZE ? slot + 1 : 0;
         if (slot < SIZE)
-            seen.looks[slot] = load_appearance_for<EdgeTester::TYPES, Untextured<typename EdgeTester::Wants>>(
+            seen.looks[slot] = load_appearance_for<typename EdgeTester::Types, Untextured<typename EdgeTester::Wants>>(
                 scene, camera, world, wp::index(scene.shapes.drawn, place));
     }
 }

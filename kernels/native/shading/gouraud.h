@@ -51,27 +51,27 @@ template <class Number> WARPCAM_DEVICE CellSpan<Number> box_cell(Number x, Numbe
     return { i * length - half, length };
 }
 
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& pose, int corner)
 {
     const Vec3 normal = as_vec3(wp::index(meshes.normals, corner));
-    if (TYPES >> PER_SHAPE_SCALE & 1)
+    if (Types::has(PER_SHAPE_SCALE))
         return pose.seen(normalized(div(normal, as_vec3(pose.size))));
     return pose.seen(normal);
 }
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
-template <int TYPES, class Appearances, class Meshes>
+template <class Types, class Appearances, class Meshes>
 WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface,
                              Vec3 place, GouraudTriangle& facet, bool cells = true)
 {
-    constexpr bool HAS_PLANE = TYPES >> PLANE & 1, HAS_BOX = TYPES >> BOX & 1;
+    constexpr bool HAS_PLANE = Types::has(PLANE), HAS_BOX = Types::has(BOX);
     const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
     facet.three = false;
-    if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && (type == MESH || (type == HEIGHT_FIELD && surface.part == TOP))) {
+    if (Types::has_any(MESH, HEIGHT_FIELD) && (type == MESH || (type == HEIGHT_FIELD && surface.part == TOP))) {
         const Triangle& triangle = surface.triangle;
         facet.weight1 = surface.weight1;
         facet.weight2 = surface.weight2;
@@ -80,9 +80,9 @@ WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, cons
         facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
         facet.three = true;
     }
-    if ((TYPES >> MESH & 1) && type == MESH && !surface.flat) {
+    if (Types::has(MESH) && type == MESH && !surface.flat) {
         for (int k = 0; k < 3; ++k)
-            facet.normal[k] = corner_normal<TYPES>(meshes, pose, surface.corner + k);
+            facet.normal[k] = corner_normal<Types>(meshes, pose, surface.corner + k);
         return;
     }
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);

@@ -52,13 +52,13 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaL
 }
 
 // `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's.
-template <int TYPES, int LENS, int FACTS, class Appearances, class Scene_>
+template <class Types, int LENS, int FACTS, class Appearances, class Scene_>
 WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
                                      const Camera& camera, float x, float y, const SurfaceInteraction& surface,
                                      Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
 {
-    Vec3 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
-    const PbrInputs<Vec3> paint = paint_at<TYPES, LENS, (FACTS & HAS_MAPS) != 0>(
+    Vec3 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
+    const PbrInputs<Vec3> paint = paint_at<Types, LENS, (FACTS & HAS_MAPS) != 0>(
         look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color, normal);
     normal = look.pose.seen(normal);
     Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };

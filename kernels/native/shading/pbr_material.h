@@ -26,7 +26,7 @@ WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 }
 
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
-template <int TYPES, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
+template <class Types, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
 WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
                                         const Camera& camera, float x, float y, const SurfaceInteraction& surface,
                                         Vec3 ray, float depth, Vec3 color, Vec3& normal)
@@ -37,10 +37,10 @@ WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& m
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
         const ShapeFromCamera& pose = look.pose;
-        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
+        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
             const Vec3 right = pose.local(step_right<LENS>(camera, x, y, depth));
             const Vec3 down = pose.local(step_down<LENS>(camera, x, y, depth));
-            Mapping at = map_2d<TYPES>(pose, look.layout, meshes, surface);
+            Mapping at = map_2d<Types>(pose, look.layout, meshes, surface);
             shift(look, at.u, at.v);
             const Vec3 step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
             const Float2 to_right { dot(at.du, step_right), dot(at.dv, step_right) };

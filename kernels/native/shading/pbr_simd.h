@@ -30,7 +30,7 @@ template <class Textures> inline Vec3x8 sky_image(const Textures& textures, cons
 }
 
 // `steps(right, down)` says how far it is to what the next pixels show.
-template <int TYPES, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
+template <class Types, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
 inline void paints_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
                       const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
                       PbrInputs<Vec3x8>& paint)
@@ -42,11 +42,11 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
     paint.open = 1.0f;
     if constexpr (MAPS) {
         const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
-        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !((TYPES >> PLANE & 1) && pose.type() == PLANE)) {
+        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
             Vec3x8 right, down;
             steps(right, down);
             Footprints at;
-            footprints_2d<TYPES>(pose, look.layout, meshes, surface, ray, right, down, at);
+            footprints_2d<Types>(pose, look.layout, meshes, surface, ray, right, down, at);
             if constexpr (Appearances::SHIFTED) {
                 at.u += look.shift_u;
                 at.v += look.shift_v;
@@ -65,7 +65,7 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
             if (is_texture(textures, normals)) {
                 const Vec3x8 map = (Float8)2.0f * read(normals) - broadcast({ 1.0f, 1.0f, 1.0f });
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
-                    const Mapping on = map_2d<TYPES>(pose, look.layout, meshes, get_lane(surface, k));
+                    const Mapping on = map_2d<Types>(pose, look.layout, meshes, get_lane(surface, k));
                     set_lane(normal, k, tilted(get_lane(normal, k), get_lane(map, k), on.du, -on.dv));
                 }
             }
@@ -75,16 +75,16 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
 }
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
-template <int TYPES, int FACTS, class Appearances, class Scene_, class Steps>
+template <class Types, int FACTS, class Appearances, class Scene_, class Steps>
 WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list,
                                                         const Scene_& scene, const Mat3& rotation, const Steps& steps,
                                                         const SurfaceInteraction8& surface, const Vec3x8& place,
                                                         const Vec3x8& to_eye, const Vec3x8& ray, const Vec3x8& color,
                                                         Int8 shadow, Vec3x8& light)
 {
-    Vec3x8 normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    Vec3x8 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     PbrInputs<Vec3x8> paint;
-    paints_at<TYPES, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
+    paints_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
                                               paint);
     light = physical_light<FACTS>(paint, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
 }

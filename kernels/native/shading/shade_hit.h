@@ -69,7 +69,7 @@ WARPCAM_DEVICE Vec3 sample_at(const Appearances& look, const Textures& textures,
 }
 
 // The texture's colour at a hit; white where there is none.
-template <int TYPES, int LENS, class Appearances, class Meshes, class Textures>
+template <class Types, int LENS, class Appearances, class Meshes, class Textures>
 WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes, const Textures& textures,
                                   const Camera& camera, float x, float y, const SurfaceInteraction& surface, Vec3 ray,
                                   float depth)
@@ -84,7 +84,7 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
     Vec3 down = has_table(LENS) ? pose.local(step_down<LENS>(camera, x, y, depth))
                                 : -stretch * camera.scale_y * Vec3 { pose.axis_x.y, pose.axis_y.y, pose.axis_z.y };
     if (layout.cube) {
-        const CubeMapping mapping = map_cube<TYPES>(pose, layout, surface);
+        const CubeMapping mapping = map_cube<Types>(pose, layout, surface);
         const Vec3 to_right = mul(mapping.scale, slide(right, ray, surface.normal));
         const Vec3 to_below = mul(mapping.scale, slide(down, ray, surface.normal));
 #if defined(__CUDA_ARCH__)
@@ -93,9 +93,9 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
-    if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
-        if (is_blended<TYPES>(pose, layout)) {
-            const Vec3 share = shares_of(smooth_normal<TYPES>(pose, meshes, surface));
+    if constexpr (Types::has(TRIPLANAR)) {
+        if (is_blended<Types>(pose, layout)) {
+            const Vec3 share = shares_of(smooth_normal<Types>(pose, meshes, surface));
             right = slide(right, ray, surface.normal);
             down = slide(down, ray, surface.normal);
             Vec3 sum { 0.0f, 0.0f, 0.0f };
@@ -108,7 +108,7 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
             return sum;
         }
     }
-    return sample_at(look, textures, footprint_2d<TYPES>(pose, layout, meshes, surface, ray, right, down));
+    return sample_at(look, textures, footprint_2d<Types>(pose, layout, meshes, surface, ray, right, down));
 }
 
 // Shaded colour of a surface.
@@ -117,7 +117,7 @@ struct ShadedPixel {
     Vec3 albedo, linear, display;
 };
 
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene,
                                     const Camera& camera, float x, float y, const Hit& found, int shadow,
                                     ShadedPixel& shown)
@@ -129,11 +129,11 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
     if constexpr (Wants::SURFACE) {
         const ShapeFromCamera& pose = look.pose;
         const Vec3 local = locate_hit<LENS>(pose, x, y, depth, place, ray);
-        surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, found.face, local, ray);
+        surface = surface_at<Types>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
     if constexpr (Wants::TURNED) {
-        if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-            shown.normal = look.turn.world(smooth_normal<TYPES>(look.pose, scene.meshes, surface));
+        if constexpr (Types::has(LIT_NORMALS))
+            shown.normal = look.turn.world(smooth_normal<Types>(look.pose, scene.meshes, surface));
         else
             shown.normal = look.turn.world(surface.normal);
         if (dot(surface.normal, ray) > 0.0f)
@@ -141,7 +141,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
     }
     Vec3 texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
-        texture = texture_color<TYPES, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
+        texture = texture_color<Types, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
     if constexpr (Wants::COATED)
         texture = srgb_to_linear(texture);
     if constexpr ((IMAGES & ALBEDO) != 0) {
@@ -150,7 +150,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
             shown.albedo = linear_to_srgb(shown.albedo);
     }
     if constexpr (Wants::LIT && Wants::COATED) {
-        shown.linear = shade_physically<TYPES, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
+        shown.linear = shade_physically<Types, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
                                                             depth, texture, shadow);
         shown.display = linear_to_srgb(shown.linear);
     } else if constexpr (Wants::LIT) {
@@ -158,7 +158,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         // else draw_floor() did, or left this pixel out
         constexpr bool BY_CORNERS =
             lit_by_corners<List>(SHADOWS) && (!(FACTS & SEPARATE_PLANE_PATH) || (IMAGES & (NORMALS | ALBEDO)));
-        if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
+        if constexpr (SHADOWS && (Types::GEOMETRY & SHADES_ITSELF))
             if (lights.dims && (SHADES_ITSELF >> look.pose.type() & 1))
                 shadow |= own_shadow(lights, camera, place, look.pose.seen(surface.normal));
         GridInterpolation on;
@@ -171,9 +171,8 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         LitColor lit;
         if (warp_any(!on.inside)) {
             GouraudTriangle facet;
-            facet_at<TYPES>(look, scene.meshes, surface, place, facet, !on.inside);
-            const bool three =
-                (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && warp_any(facet.three);
+            facet_at<Types>(look, scene.meshes, surface, place, facet, !on.inside);
+            const bool three = Types::has_any(PLANE, HEIGHT_FIELD, BOX, MESH) && warp_any(facet.three);
             const auto lit_from = [&](auto... eye) {
                 return three ? light_vertices<3, SHADOWS>(lights, facet, look.finish, shadow, eye...)
                              : light_vertices<1, SHADOWS>(lights, facet, look.finish, shadow, eye...);

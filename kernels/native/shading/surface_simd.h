@@ -75,14 +75,15 @@ template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surf
     surface.normal = select(top, surface.normal, outside);
 }
 
-template <int TYPES, class Meshes> inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
-                                                            const int* faces, Vec3x8 ray, SurfaceInteraction8& surface)
+template <class Types, class Meshes> inline void mesh_surface(const Meshes& meshes, const ShapeFromCamera& pose,
+                                                              const int* faces, Vec3x8 ray,
+                                                              SurfaceInteraction8& surface)
 {
-    const MeshStart start = mesh_start<TYPES>(meshes, pose);
+    const MeshStart start = mesh_start<Types>(meshes, pose);
     for (int k = 0; k < SIMD_WIDTH; ++k) {
         int given;
         bool flat;
-        const Triangle one = load_triangle<TYPES>(meshes, start.faces + 3 * faces[k], get_lane(ray, k), given, flat);
+        const Triangle one = load_triangle<Types>(meshes, start.faces + 3 * faces[k], get_lane(ray, k), given, flat);
         surface.corner[k] = 3 * (start.corners + given);
         surface.flat[k] = flat ? -1 : 0;
         set_lane(surface.triangle.origin, k, one.origin);
@@ -104,19 +105,19 @@ template <class Meshes> inline Vec3x8 vertex_normal(const Meshes& meshes, const 
 }
 
 // True if the shape is lit at the corners of triangles, false if at each pixel.
-template <int TYPES, class Appearances> inline bool lit_at_corners(const Appearances& look)
+template <class Types, class Appearances> inline bool lit_at_corners(const Appearances& look)
 {
     const int type = look.pose.type();
-    if constexpr ((TYPES >> PLANE & 1) != 0)
+    if constexpr (Types::has(PLANE))
         if (type == PLANE)
             return look.cells.u.step != 0.0f;
-    return ((TYPES >> MESH & 1) && type == MESH) || ((TYPES >> HEIGHT_FIELD & 1) && type == HEIGHT_FIELD)
-           || ((TYPES >> BOX & 1) && type == BOX);
+    return (Types::has(MESH) && type == MESH) || (Types::has(HEIGHT_FIELD) && type == HEIGHT_FIELD)
+           || (Types::has(BOX) && type == BOX);
 }
 
 using Facets = GouraudTriangleOf<Vec3x8>;
 
-template <int TYPES, class Appearances, class Meshes>
+template <class Types, class Appearances, class Meshes>
 inline void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place,
                      Facets& facet)
 {
@@ -125,7 +126,7 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
     facet.place[0] = facet.place[1] = facet.place[2] = place;
     facet.weight1 = facet.weight2 = 0.0f;
     facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
-    if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
+    if constexpr (Types::has_any(MESH, HEIGHT_FIELD)) {
         if (type == MESH || type == HEIGHT_FIELD) {
             const TriangleOf<Vec3x8>& triangle = surface.triangle;
             const Int8 on = type == MESH ? (Int8)-1 : surface.part == int(TOP);
@@ -137,22 +138,22 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
             facet.place[2] = select(on, first + pose.seen(triangle.edge2), place);
         }
     }
-    if constexpr ((TYPES >> MESH & 1) != 0) {
+    if constexpr (Types::has(MESH)) {
         if (type == MESH) {
             for (int i = 0; i < 3; ++i) {
                 Vec3x8 normal = vertex_normal(meshes, surface, i);
-                if ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
+                if (Types::has(PER_SHAPE_SCALE))
                     normal = select(surface.flat, normal, normalized(div(normal, broadcast(as_vec3(pose.size)))));
                 facet.normal[i] = pose.seen(normal);
             }
         }
     }
-    if constexpr ((TYPES >> PLANE & 1) != 0)
+    if constexpr (Types::has(PLANE))
         if (type == PLANE && look.cells.u.step != 0.0f)
             in_quad(place, broadcast(as_vec3(pose.axis_x)), broadcast(as_vec3(pose.axis_y)), surface.local.x,
                     surface.local.y, cell_around(look.cells.u, surface.local.x),
                     cell_around(look.cells.v, surface.local.y), (Int8)0, facet);
-    if ((TYPES >> BOX & 1) && type == BOX) {
+    if (Types::has(BOX) && type == BOX) {
         const Int8 axis = surface.part, u_axis = axis == 0 ? (Int8)1 : (Int8)0, v_axis = axis == 2 ? (Int8)1 : (Int8)2;
         const Vec3x8 x = broadcast(as_vec3(pose.axis_x)), y = broadcast(as_vec3(pose.axis_y)),
                      z = broadcast(as_vec3(pose.axis_z));

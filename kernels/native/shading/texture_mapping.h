@@ -106,16 +106,16 @@ WARPCAM_DEVICE void repeat(const TextureLayout& layout, float offset, Mapping& m
 }
 
 // Not of planes.
-template <int TYPES, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose,
-                                                                 const TextureLayout& layout, const Meshes& meshes,
-                                                                 const SurfaceInteraction& surface)
+template <class Types, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFromCamera& pose,
+                                                                   const TextureLayout& layout, const Meshes& meshes,
+                                                                   const SurfaceInteraction& surface)
 {
     const int type = pose.type(), part = surface.part;
     const Vec3 half = as_vec3(layout.extent), local = surface.local;
     Mapping mapping { 0.0f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     float offset = 0.0f;
-    const bool own = (TYPES >> MESH & 1) && type == MESH && layout.own;
-    if constexpr ((TYPES >> TEXTURE_FROM_ABOVE & 1) != 0) {
+    const bool own = Types::has(MESH) && type == MESH && layout.own;
+    if constexpr (Types::has(TEXTURE_FROM_ABOVE)) {
         if (own) {
             map_by_corners(meshes, surface, mapping);
         } else {
@@ -124,25 +124,24 @@ template <int TYPES, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFrom
         }
         return mapping;
     }
-    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
+    if constexpr (Types::has(PROJECTED)) {
         if (own) {
             map_by_corners(meshes, surface, mapping);
             repeat(layout, 0.0f, mapping);
         } else {
-            map_along(faced_axis(smooth_normal<TYPES>(pose, meshes, surface)), layout, local, mapping);
+            map_along(faced_axis(smooth_normal<Types>(pose, meshes, surface)), layout, local, mapping);
         }
         return mapping;
     }
-    if ((TYPES >> BOX & 1) && type == BOX)
+    if (Types::has(BOX) && type == BOX)
         map_flat(local, half, part == 0 ? 1 : 0, part == 2 ? 1 : 2, mapping);
-    const bool round =
-        (TYPES & (1 << CYLINDER | 1 << CONE | 1 << BARREL))
-        && (type == CYLINDER || ((TYPES & (1 << CONE | 1 << BARREL)) && (type == CONE || type == BARREL)));
+    const bool round = Types::has_any(CYLINDER, CONE, BARREL)
+                       && (type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)));
     if (round && part != SIDE) {
         map_flat(local, half, 0, 1, mapping);
         mapping.v = 1.0f - mapping.v;
         mapping.dv = -mapping.dv;
-    } else if ((TYPES & (1 << SPHERE | 1 << ELLIPSOID | 1 << CAPSULE | 1 << CYLINDER | 1 << CONE | 1 << BARREL))
+    } else if (Types::has_any(SPHERE, ELLIPSOID, CAPSULE, CYLINDER, CONE, BARREL)
                && ((type >= SPHERE && type <= CYLINDER) || round)) {
         Vec3 ball = local, radii = half;
         float top = 0.5f, scale = 2.0f / TWO_PI;
@@ -159,7 +158,7 @@ template <int TYPES, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFrom
     }
     if (own)
         map_by_corners(meshes, surface, mapping);
-    if ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) && (type == HEIGHT_FIELD || (type == MESH && !own))) {
+    if (Types::has_any(MESH, HEIGHT_FIELD) && (type == HEIGHT_FIELD || (type == MESH && !own))) {
         map_from_above(local, half, mapping);
         offset = -0.5f;
     }
@@ -192,11 +191,11 @@ WARPCAM_DEVICE Footprint footprint_of(const Mapping& mapping, Vec3 right, Vec3 d
 }
 
 // `right` and `down` are the changes of the ray at the depth of the hit, from pixel to pixel; all in the shape's frame.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const TextureLayout& layout, const Meshes& meshes,
                                       const SurfaceInteraction& surface, Vec3 ray, Vec3 right, Vec3 down)
 {
-    if ((TYPES >> PLANE & 1) && pose.type() == PLANE) {  // floors fill images
+    if (Types::has(PLANE) && pose.type() == PLANE) {  // floors fill images
         const float rate_u = layout.repeat[0], rate_v = layout.repeat[1], slope = rcp(ray.z);
         const float rise_right = right.z * slope, rise_down = down.z * slope;
         return { surface.local.x * rate_u + layout.start[0],
@@ -204,7 +203,7 @@ WARPCAM_DEVICE Footprint footprint_2d(const ShapeFromCamera& pose, const Texture
                  { rate_u * (right.x - rise_right * ray.x), rate_v * (right.y - rise_right * ray.y) },
                  { rate_u * (down.x - rise_down * ray.x), rate_v * (down.y - rise_down * ray.y) } };
     }
-    return footprint_of(map_2d<TYPES>(pose, layout, meshes, surface), slide(right, ray, surface.normal),
+    return footprint_of(map_2d<Types>(pose, layout, meshes, surface), slide(right, ray, surface.normal),
                         slide(down, ray, surface.normal));
 }
 
@@ -215,20 +214,20 @@ WARPCAM_DEVICE Vec3 shares_of(Vec3 normal)
     return rcp(max(share.x + share.y + share.z, MIN_NORMAL)) * share;
 }
 
-template <int TYPES> WARPCAM_DEVICE bool is_blended(const ShapeFromCamera& pose, const TextureLayout& layout)
+template <class Types> WARPCAM_DEVICE bool is_blended(const ShapeFromCamera& pose, const TextureLayout& layout)
 {
-    return (TYPES >> TRIPLANAR & 1) && pose.type() != PLANE && !layout.own;
+    return (Types::has(TRIPLANAR)) && pose.type() != PLANE && !layout.own;
 }
 
-template <int TYPES> WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                                         const SurfaceInteraction& surface)
+template <class Types> WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                           const SurfaceInteraction& surface)
 {
     const int type = pose.type();
     const Vec3 half = as_vec3(layout.extent);
     Vec3 place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
         scale = { rcp(half.x), rcp(half.y), rcp(half.z) };
-    if ((TYPES >> CAPSULE & 1) && type == CAPSULE && surface.part != SIDE) {
+    if (Types::has(CAPSULE) && type == CAPSULE && surface.part != SIDE) {
         // Each cap is a unit sphere whose middle is one above or below the origin.
         scale = { scale.x, scale.x, scale.x };
         place.z += (surface.part == BOTTOM ? -1.0f : 1.0f) * (half.x - half.z);

@@ -201,14 +201,14 @@ inline Vec3x8 slide(Vec3x8 step, Vec3x8 ray, Vec3x8 normal)
 }
 
 // One hit at a time.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 static WARPCAM_NOINLINE void other_footprints(const ShapeFromCamera& pose, const TextureLayout& layout,
                                               const Meshes& meshes, const SurfaceInteraction8& surface,
                                               const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
                                               Footprints& at)
 {
     for (int k = 0; k < SIMD_WIDTH; ++k) {
-        const Footprint one = footprint_2d<TYPES>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
+        const Footprint one = footprint_2d<Types>(pose, layout, meshes, get_lane(surface, k), get_lane(ray, k),
                                                   get_lane(right, k), get_lane(down, k));
         at.u[k] = one.u;
         at.v[k] = one.v;
@@ -230,13 +230,13 @@ inline void footprints_along(Int8 first, Int8 upright, const TextureLayout& layo
     at = { along_u(local), 1.0f + along_v(local), along_u(right), along_v(right), along_u(down), along_v(down) };
 }
 
-template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                                             const Meshes& meshes, const SurfaceInteraction8& surface,
-                                                             const Vec3x8& ray, const Vec3x8& right, const Vec3x8& down,
-                                                             Footprints& at)
+template <class Types, class Meshes> inline void footprints_2d(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                               const Meshes& meshes, const SurfaceInteraction8& surface,
+                                                               const Vec3x8& ray, const Vec3x8& right,
+                                                               const Vec3x8& down, Footprints& at)
 {
-    constexpr int OTHERS = TYPES & ~(1 << PLANE | 1 << HEIGHT_FIELD);
-    if constexpr ((TYPES >> PLANE & 1) != 0) {
+    using Others = SceneTypes<Types::GEOMETRY & ~(1 << PLANE | 1 << HEIGHT_FIELD), Types::FEATURES>;
+    if constexpr (Types::has(PLANE)) {
         if (pose.type() == PLANE) {
             const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
             const Float8 slope = rcp(ray.z), rise_right = right.z * slope, rise_down = down.z * slope;
@@ -246,8 +246,8 @@ template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCame
             return;
         }
     }
-    if constexpr ((TYPES >> PROJECTED & 1) != 0) {
-        if (!((TYPES >> MESH & 1) && pose.type() == MESH)) {
+    if constexpr (Types::has(PROJECTED)) {
+        if (!(Types::has(MESH) && pose.type() == MESH)) {
             const Vec3x8 normal = surface.normal;
             const Float8 x = abs(normal.x), y = abs(normal.y), z = abs(normal.z);
             const Int8 first = (x >= y) & (x >= z);
@@ -256,7 +256,7 @@ template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCame
             return;
         }
     }
-    if constexpr (!(TYPES >> PROJECTED & 1) && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
+    if constexpr (!Types::has(PROJECTED) && Types::has_any(MESH, HEIGHT_FIELD)) {
         if (pose.type() == HEIGHT_FIELD || (pose.type() == MESH && !layout.own)) {  // laid on from above
             const float rate_u = layout.repeat[0] * 0.5f * rcp(max(layout.extent.x, 1.0e-12f));
             const float rate_v = layout.repeat[1] * -0.5f * rcp(max(layout.extent.y, 1.0e-12f));
@@ -270,12 +270,12 @@ template <int TYPES, class Meshes> inline void footprints_2d(const ShapeFromCame
             return;
         }
     }
-    if constexpr (OTHERS != 0)
-        other_footprints<OTHERS>(pose, layout, meshes, surface, ray, right, down, at);
+    if constexpr (Others::GEOMETRY != 0)
+        other_footprints<Others>(pose, layout, meshes, surface, ray, right, down, at);
 }
 
-template <int TYPES> inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout,
-                                                   const SurfaceInteraction8& surface, Vec3x8& scale)
+template <class Types> inline Vec3x8 cube_directions(const ShapeFromCamera& pose, const TextureLayout& layout,
+                                                     const SurfaceInteraction8& surface, Vec3x8& scale)
 {
     const int type = pose.type();
     const Vec3 half = as_vec3(layout.extent);
@@ -284,7 +284,7 @@ template <int TYPES> inline Vec3x8 cube_directions(const ShapeFromCamera& pose, 
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
         rates = { rcp(half.x), rcp(half.y), rcp(half.z) };
     scale = broadcast(rates);
-    if ((TYPES >> CAPSULE & 1) && type == CAPSULE) {
+    if (Types::has(CAPSULE) && type == CAPSULE) {
         const Int8 side = surface.part == int(SIDE);
         scale.z = side ? scale.z : scale.x;
         scale.y = side ? scale.y : scale.x;
@@ -297,7 +297,7 @@ template <int TYPES> inline Vec3x8 cube_directions(const ShapeFromCamera& pose, 
 }
 
 // The texture's colours at packets of hits. `steps(n, right, down)` says how far it is to what the next pixels show.
-template <int TYPES, class Appearances, class Meshes, class Textures, class Steps>
+template <class Types, class Appearances, class Meshes, class Textures, class Steps>
 WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const Levels& levels, const Meshes& meshes,
                                                 const Textures& textures, const Steps& steps,
                                                 const SurfaceInteraction8* surfaces, const Vec3x8* rays, int packets,
@@ -311,7 +311,7 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
         steps(n, right, down);
         if (layout.cube) {
             Vec3x8 scale;
-            const Vec3x8 direction = cube_directions<TYPES>(pose, layout, surfaces[n], scale);
+            const Vec3x8 direction = cube_directions<Types>(pose, layout, surfaces[n], scale);
             sample_cubes(textures.texels.data, levels, direction, mul(scale, slide(right, ray, surfaces[n].normal)),
                          mul(scale, slide(down, ray, surfaces[n].normal)), colors[n]);
             continue;
@@ -324,13 +324,13 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
             }
             return sample_2d(textures.texels.data, levels, at);
         };
-        if constexpr ((TYPES >> TRIPLANAR & 1) != 0) {
-            if (is_blended<TYPES>(pose, layout)) {
+        if constexpr (Types::has(TRIPLANAR)) {
+            if (is_blended<Types>(pose, layout)) {
                 const Vec3x8 along = slide(right, ray, surfaces[n].normal),
                              below = slide(down, ray, surfaces[n].normal);
                 Vec3x8 share, sum { (Float8)0.0f, (Float8)0.0f, (Float8)0.0f };
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
-                    const Vec3 one = shares_of(smooth_normal<TYPES>(pose, meshes, get_lane(surfaces[n], k)));
+                    const Vec3 one = shares_of(smooth_normal<Types>(pose, meshes, get_lane(surfaces[n], k)));
                     share.x[k] = one.x;
                     share.y[k] = one.y;
                     share.z[k] = one.z;
@@ -344,7 +344,7 @@ WARPCAM_NOINLINE_CPU inline void texture_colors(const Appearances& look, const L
                 continue;
             }
         }
-        footprints_2d<TYPES>(pose, layout, meshes, surfaces[n], ray, right, down, at);
+        footprints_2d<Types>(pose, layout, meshes, surfaces[n], ray, right, down, at);
         colors[n] = sampled();
     }
 }

@@ -20,7 +20,7 @@ struct Composite {
 // Adds the surfaces between `near` and `limit`, which is negative where a pixel takes no part. `column` and `row` are
 // the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
-template <int TYPES, class Veils_, class RayOf, class Scene_, class Paint_>
+template <class Types, class Veils_, class RayOf, class Scene_, class Paint_>
 WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit,
                          int column, int row, const Paint_& paint, Composite& peeled)
 {
@@ -33,12 +33,12 @@ WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& 
             const int mine = begin + threadIdx.x % WARP_SIZE;
             const bool touched = mine < veils.count && touches(veils.touched[mine], column, row);
             for (unsigned mask = __ballot_sync(FULL_WARP, touched); mask; mask &= mask - 1)
-                meet_veil<TYPES>(veils.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields, hit);
+                meet_veil<Types>(veils.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields, hit);
         }
 #else
         for (int slot = 0; slot < veils.count; ++slot)
             if (touches(veils.touched[slot], column, row))
-                meet_veil<TYPES>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
+                meet_veil<Types>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
 #endif
         const bool met = hit.shape >= 0;
         if (!warp_any(met))
@@ -50,7 +50,7 @@ WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& 
             peeled.left *= 1.0f - opacity;
         }
         from = hit.depth;
-        if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0) {
+        if constexpr (Types::has_any(MESH, HEIGHT_FIELD)) {
             const int type = met ? wp::index(scene.shapes.types, hit.shape) : -1;
             if (type == MESH || type == HEIGHT_FIELD)  // not once more on the other side of an edge
                 from *= NEXT;
@@ -60,7 +60,7 @@ WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& 
 }
 
 // Texture coordinates of a hit on its shape's 2-D textures.
-template <int TYPES, int LENS, class Appearances, class Scene_>
+template <class Types, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& scene, const Camera& camera, float x,
                                       float y, const Hit& hit)
 {
@@ -69,16 +69,16 @@ WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& sce
     Vec3 local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         local = local + pose.local(CameraRay<LENS> { x, y }.beam().start);
-    const SurfaceInteraction surface = surface_at<TYPES>(pose, scene.meshes, scene.fields, hit.face, local, ray);
+    const SurfaceInteraction surface = surface_at<Types>(pose, scene.meshes, scene.fields, hit.face, local, ray);
     const Vec3 right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
     const Vec3 down = pose.local(step_down<LENS>(camera, x, y, hit.depth));
-    Footprint at = footprint_2d<TYPES>(pose, look.layout, scene.meshes, surface, ray, right, down);
+    Footprint at = footprint_2d<Types>(pose, look.layout, scene.meshes, surface, ray, right, down);
     shift(look, at.u, at.v);
     return at;
 }
 
 // Opacity from a mesh's opacity map at a hit; 1 without a map.
-template <int TYPES, int LENS, class Appearances, class Scene_>
+template <class Types, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene, const Camera& camera, int world,
                                     float x, float y, const Hit& hit)
 {
@@ -86,19 +86,19 @@ WARPCAM_DEVICE float mapped_opacity(const Appearances& look, const Scene_& scene
     const int texture = material < 0 ? -1 : texture_of(scene.materials, world, material, ROLE_OPACITY);
     if (!is_texture(scene.textures, texture) || !look.layout.own)
         return 1.0f;
-    const Footprint at = footprint_at<TYPES, LENS>(look, scene, camera, x, y, hit);
+    const Footprint at = footprint_at<Types, LENS>(look, scene, camera, x, y, hit);
     const Image image = load_image(scene.textures, texture);
     return sample_2d(scene.textures.texels.data, image, at.u, at.v, at.right, at.down).x;
 }
 
 // The alpha of its texture there; 1 where there is none.
-template <int TYPES, int LENS, class Appearances, class Scene_>
+template <class Types, int LENS, class Appearances, class Scene_>
 WARPCAM_DEVICE float texture_alpha(const Appearances& look, const Scene_& scene, const Camera& camera, float x, float y,
                                    const Hit& hit)
 {
     if (look.layout.image.levels <= 0 || look.layout.cube)
         return 1.0f;
-    const Footprint at = footprint_at<TYPES, LENS>(look, scene, camera, x, y, hit);
+    const Footprint at = footprint_at<Types, LENS>(look, scene, camera, x, y, hit);
     return sample_alpha(scene.textures.texels.data, look.layout.image, at.u, at.v, at.right, at.down);
 }
 

@@ -16,7 +16,7 @@ struct SeenSurface {
 
 // Calls `write` with a pixel's place in images of one channel and the surface that it shows; `index` counts worlds,
 // then pixels.
-template <int TYPES, int LENS, class Frame, class Shapes, class Meshes, class HeightFields, class Write>
+template <class Types, int LENS, class Frame, class Shapes, class Meshes, class HeightFields, class Write>
 WARPCAM_DEVICE void derive_pixel(const Frame& frame, const Shapes& shapes, const Meshes& meshes,
                                  const HeightFields& fields, int index, const Write& write)
 {
@@ -29,12 +29,12 @@ WARPCAM_DEVICE void derive_pixel(const Frame& frame, const Shapes& shapes, const
         const Camera camera = load_camera(wp::index(frame.views, world));
         const int row = place / frame.width, column = place - row * frame.width;
         const CameraRay<LENS> sight = view_ray<LENS>(camera, column, row);
-        seen.pose = load_pose<TYPES>(shapes, meshes, camera, world, seen.shape);
-        if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
-            seen.face = stored_face<TYPES>(frame.face.data[index]);
+        seen.pose = load_pose<Types>(shapes, meshes, camera, world, seen.shape);
+        if constexpr (Types::has_any(MESH, HEIGHT_FIELD))
+            seen.face = stored_face<Types>(frame.face.data[index]);
         Vec3 point, ray;
         const Vec3 local = locate_hit<LENS>(seen.pose, sight.x, sight.y, frame.depth.data[index], point, ray);
-        seen.surface = surface_at<TYPES>(seen.pose, meshes, fields, seen.face, local, ray);
+        seen.surface = surface_at<Types>(seen.pose, meshes, fields, seen.face, local, ray);
     }
     write(index, seen);
 }

@@ -10,7 +10,7 @@ namespace warpcam {
 constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides beside the one that reflects
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
-template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
+template <class Types, int LENS, bool FACES, class Target> struct MirrorCanvas {
     static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, part = 0, parts = 1;
 
     const Target& target;
@@ -77,9 +77,9 @@ template <int TYPES, int LENS, bool FACES, class Target> struct MirrorCanvas {
 
 // True if the shape is a plane with its back to `eye`. MuJoCo's renderer draws such a plane transparent, in mirrors
 // too: it counts as a transparent shape.
-template <int TYPES, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes& shapes, Vec3 eye, int world, int id)
+template <class Types, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes& shapes, Vec3 eye, int world, int id)
 {
-    if constexpr ((TYPES >> PLANE & 1) != 0)
+    if constexpr (Types::has(PLANE))
         if (wp::index(shapes.types, id) == PLANE) {
             const auto r = wp::index(shapes.rotations, world, id);
             const Vec3 away = eye - as_vec3(wp::index(shapes.positions, world, id));
@@ -89,7 +89,7 @@ template <int TYPES, class Shapes> WARPCAM_DEVICE bool turned_away(const Shapes&
 }
 
 // The index runs as in draw().
-template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, bool FACES, class Shapes,
+template <class Types, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, bool FACES, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                   const HeightFields& fields, const Views& views, const Target& target, int index)
@@ -109,15 +109,15 @@ WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materia
         begin_list(list);
     }
     block_sync();
-    const MirrorCanvas<TYPES, LENS, FACES, Target> canvas { target, camera,           region,
+    const MirrorCanvas<Types, LENS, FACES, Target> canvas { target, camera,           region,
                                                             world,  plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
     const Vec3 eye = as_vec3(mirror.eye);
     const auto hidden = [&](int id) {
         return id == itself || !solid(shapes, materials, target.veil_places, world, id)
-               || turned_away<TYPES>(shapes, eye, world, id);
+               || turned_away<Types>(shapes, eye, world, id);
     };
-    draw_region<TYPES, LENS, false, MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
+    draw_region<Types, LENS, false, MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
 }
 
 }  // namespace warpcam

@@ -43,7 +43,7 @@ WARPCAM_DEVICE float reach_of(const Shape& shape)
 
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
 // does not show itself. BACKS: planes are seen from behind.
-template <int TYPES, int LENS, bool BACKS, int CAPACITY, class Scene_>
+template <class Types, int LENS, bool BACKS, int CAPACITY, class Scene_>
 WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera,
                                  const Region& region, Vec3 eye, int mirror, int world, int thread)
 {
@@ -58,12 +58,12 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
         Shape shape = load_shape(shapes, world, id);
         const Vec3 away = eye - shape.position;
         const Mat3& r = shape.rotation;
-        const bool plane = (TYPES >> PLANE & 1) && shape.type == PLANE;
+        const bool plane = Types::has(PLANE) && shape.type == PLANE;
         const bool behind = BACKS && plane && r.at[0][2] * away.x + r.at[1][2] * away.y + r.at[2][2] * away.z < 0.0f;
         if (alpha == 0.0f || id == mirror)
             continue;
         bool mapped = false;
-        if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0)
+        if constexpr (Types::has(ALPHA_TESTED))
             mapped = has_opacity_map(scene.shapes, scene.materials, world, id);
         if (alpha >= SOLID && !behind && !mapped)
             continue;
@@ -75,7 +75,7 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
         }
         ShapeRecord record;
         TileRect tiles;
-        if (setup_shape<TYPES, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
+        if (setup_shape<Types, LENS>(shape, camera, region, scene.meshes, scene.fields, record, tiles) != SEEN)
             continue;
         const int slot = atomic_append(list.count);
         list.records[slot] = record;
@@ -98,13 +98,13 @@ WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_
 
 #if defined(__CUDA_ARCH__)
 // Nearest front face of one mesh between `near` and the hit's depth, for one lane.
-template <int TYPES, class Meshes, class RayOf> WARPCAM_DEVICE void walk_mesh(const Meshes& meshes,
-                                                                              const ShapeRecord& record,
-                                                                              const RayOf& source, float near, Hit& hit)
+template <class Types, class Meshes, class RayOf>
+WARPCAM_DEVICE void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const RayOf& source, float near,
+                              Hit& hit)
 {
     const Ray ray = source.local(record);
-    const RayFrame frame = source.template frame<TYPES>(record);
-    NodeRay<by_child(TYPES)> boxes;
+    const RayFrame frame = source.template frame<Types>(record);
+    NodeRay<by_child<Types>()> boxes;
     boxes.set(ray.origin, ray.direction, record.size.x);
     const unsigned nodes = wp::index(meshes.node_start, record.axis_z.w);
     const unsigned faces = wp::index(meshes.face_start, record.axis_z.w);
@@ -113,7 +113,7 @@ template <int TYPES, class Meshes, class RayOf> WARPCAM_DEVICE void walk_mesh(co
         if (node >= 0) {
             float enter[4], leave[4], best = MISS;
             int child[4];
-            boxes.test(node_rows<TYPES>(meshes, nodes, node), near, hit.depth, enter, leave, child);
+            boxes.test(node_rows<Types>(meshes, nodes, node), near, hit.depth, enter, leave, child);
             node = NO_NODE;
 #pragma unroll
             for (int k = 0; k < 4; ++k)
@@ -131,8 +131,8 @@ template <int TYPES, class Meshes, class RayOf> WARPCAM_DEVICE void walk_mesh(co
                 const Float3Int a = load(meshes.faces.data, at), b = load(meshes.faces.data, at + 1);
                 const Float3Int c = load(meshes.faces.data, at + 2);
                 const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                               project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-                if (t < hit.depth && t > near && is_not_cut<TYPES>(meshes, record, ray, f, t))
+                                               project(frame, c.x, c.y, c.z), has_back<Types>(b.w));
+                if (t < hit.depth && t > near && is_not_cut<Types>(meshes, record, ray, f, t))
                     hit = { t, record.axis_y.w, f };
             }
             node = NO_NODE;
@@ -142,16 +142,16 @@ template <int TYPES, class Meshes, class RayOf> WARPCAM_DEVICE void walk_mesh(co
     }
 }
 #else
-template <int TYPES, class Meshes, class RayOf>
+template <class Types, class Meshes, class RayOf>
 inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const RayOf& source, float near, Hit& hit)
 {
     const Ray ray = source.local(record);
     const int mesh = record.axis_z.w;
     MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
-    walk.put(0, slabs(ray.origin, ray.direction, record.size.x), source.template frame<TYPES>(record), near, hit.depth);
+    walk.put(0, slabs(ray.origin, ray.direction, record.size.x), source.template frame<Types>(record), near, hit.depth);
     walk.start(0);
-    walk.template walk<SIDES_OF<TYPES, false>, false>(
-        [&](int, int face, float t) { return is_not_cut<TYPES>(meshes, record, ray, face, t); });
+    walk.template walk<SIDES_OF<Types, false>, false>(
+        [&](int, int face, float t) { return is_not_cut<Types>(meshes, record, ray, face, t); });
     if (walk.face[0] >= 0)
         hit = { walk.depth[0], record.axis_y.w, walk.face[0] };
 }
@@ -159,18 +159,18 @@ inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray
 
 // Finds a ray's next intersection with a transparent shape between `near` and the hit's depth; leaves the hit's shape
 // as it is if there is none.
-template <int TYPES, class Meshes, class HeightFields, class RayOf>
+template <class Types, class Meshes, class HeightFields, class RayOf>
 WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
                               const HeightFields& fields, Hit& hit)
 {
-    if (is_mesh<TYPES>(record)) {
-        if constexpr ((TYPES >> MESH & 1) != 0)
-            walk_mesh<TYPES>(meshes, record, ray, near, hit);
-    } else if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
-        if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
+    if (is_mesh<Types>(record)) {
+        if constexpr (Types::has(MESH))
+            walk_mesh<Types>(meshes, record, ray, near, hit);
+    } else if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD) {
+        if constexpr (Types::has(HEIGHT_FIELD))
             walk_height_field(fields, record, ray, near, hit);
     } else {
-        const float t = intersect_any<analytic_types(TYPES)>(record, ray.local(record));
+        const float t = intersect_any<Types::ANALYTIC>(record, ray.local(record));
         if (t < hit.depth && t > near)
             hit = { t, record.axis_y.w, -1 };
     }
@@ -205,7 +205,7 @@ struct MujocoBlend {
 // `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
 // it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
-template <int TYPES, class Veils_, class RayOf, class Scene_, class Shade, class Note>
+template <class Types, class Veils_, class RayOf, class Scene_, class Shade, class Note>
 WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid,
                           int column, int row, const Shade& shade, const Note& note, MujocoBlend& covered)
 {
@@ -217,7 +217,7 @@ WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf&
 #pragma unroll 1
         for (int sheet = 0; sheet < sheets; ++sheet) {
             Hit hit { to, -1, -1 };
-            meet_veil<TYPES>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
+            meet_veil<Types>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
             const bool met = hit.shape >= 0;
             if (!warp_any(met))
                 break;

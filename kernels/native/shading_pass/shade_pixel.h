@@ -13,7 +13,7 @@ struct PixelHit : Hit {
     int shadow;  // where FACTS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
 };
 
-template <int TYPES, int IMAGES, int FACTS, class Frame_>
+template <class Types, int IMAGES, int FACTS, class Frame_>
 WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 {
     PixelHit found { { 0.0f, -1, 0 }, 0 };
@@ -21,8 +21,8 @@ WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
         found.shape = frame.shape.data[pixel.at];
         if (ShadingNeeds<IMAGES, FACTS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
-        if (ShadingNeeds<IMAGES, FACTS>::SURFACE && (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)))
-            found.face = stored_face<TYPES>(frame.face.data[pixel.at]);
+        if (ShadingNeeds<IMAGES, FACTS>::SURFACE && Types::has_any(MESH, HEIGHT_FIELD))
+            found.face = stored_face<Types>(frame.face.data[pixel.at]);
         if (ShadingNeeds<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SEPARATE_PLANE_PATH))
             found.shadow = frame.shadow.data[pixel.at];
     }
@@ -31,17 +31,17 @@ WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel,
 // less if `looks` are SeenLooks.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
                                 int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     if constexpr (CAPACITY > 0)
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene, camera,
+        resolve_surface<Types, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene, camera,
                                                     x, y, found, shadow, shown);
     else
-        resolve_surface<TYPES, LENS, IMAGES, FACTS>(
-            cached_appearance<TYPES, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene,
+        resolve_surface<Types, LENS, IMAGES, FACTS>(
+            cached_appearance<Types, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene,
             camera, x, y, found, shadow, shown);
     if constexpr (Wants::LIT)
         expose<FACTS>(scene, world, shown.linear, shown.display);
@@ -49,7 +49,7 @@ WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, co
 
 // Covers what is seen of a pixel with the transparent shapes before it, nearer than `limit`. Returns how much is still
 // seen of it.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_>
 WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights, const Scene_& scene,
                                    const Camera& camera, const Veils_& veils, const Region& region, int world,
@@ -69,18 +69,18 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
         const auto paint = [&](bool met, Hit hit, Vec3& light) {
             ShadedPixel sheet;
             fill_inactive_lanes(met, hit);
-            resolve_hit<TYPES, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, sheet);
             light = sheet.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
-            if constexpr ((TYPES >> ALPHA_TESTED & 1) && (FACTS & HAS_MAPS))
-                alpha *= mapped_opacity<TYPES, LENS>(cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+            if constexpr (Types::has(ALPHA_TESTED) && (FACTS & HAS_MAPS))
+                alpha *= mapped_opacity<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
                                                          looks, lights, scene, camera, world, hit.shape),
                                                      scene, camera, world, x, y, hit);
             return alpha;
         };
         Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
-        peel<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        peel<Types>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
             shown.display = linear_to_srgb(shown.linear);
@@ -91,12 +91,12 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
         const auto shade = [&](bool met, Hit hit, Vec3& linear, Vec3& display) {
             ShadedPixel sheet;
             fill_inactive_lanes(met, hit);
-            resolve_hit<TYPES, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, sheet);
             linear = sheet.linear;
             display = sheet.display;
-            if constexpr ((TYPES >> TEXTURE_ALPHA & 1) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
-                return texture_alpha<TYPES, LENS>(cached_appearance<TYPES, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+            if constexpr (Types::has(TEXTURE_ALPHA) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
+                return texture_alpha<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
                                                       looks, lights, scene, camera, world, hit.shape),
                                                   scene, camera, x, y, hit);
             return 1.0f;
@@ -108,12 +108,12 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
                     && wp::index(scene.shapes.types, hit.shape) != PLANE)
                     first = hit;
         };
-        cover<TYPES>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
+        cover<Types>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
         if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
                 scene.frame.depth.data[pixel.at] = first.depth;
-                if constexpr ((TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0)
+                if constexpr (Types::has_any(MESH, HEIGHT_FIELD))
                     scene.frame.face.data[pixel.at] = first.face;
             }
         shown.linear = covered.final_linear();
@@ -123,7 +123,7 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
 }
 
 // `painted`: what the pixel shows, a Shown, where that is known.
-template <int TYPES, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
           class Veils_, class Camera_, class... Painted_>
 WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
                                   const Camera_& camera, const Veils_& veils, const Region& region, int world,
@@ -158,7 +158,7 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         shown = (painted, ...);
     else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
              && fill_inactive_lanes(hit && !drawn, found))
-        resolve_hit<TYPES, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
+        resolve_hit<Types, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
                                                           shown);
     if (drawn) {
         shown.linear = shown.display = floor;
@@ -211,7 +211,7 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             if constexpr ((FACTS & HAS_HAZE) != 0)
                 limit =
                     min(sky, mist.density > 0.0f ? min(limit, mist.depth) : limit);  // these hide what is behind them
-            const float left = resolve_veils<TYPES, LENS, CAPACITY, IMAGES, FACTS>(
+            const float left = resolve_veils<Types, LENS, CAPACITY, IMAGES, FACTS>(
                 looks, lights, scene, camera, veils, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;
         }

@@ -10,12 +10,12 @@ namespace warpcam {
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // VEILS: how many shapes may be transparent.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0, class Scene_,
-          class Lights>
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0,
+          class Scene_, class Lights>
 WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
-    using Appearances = ShapeAppearance<TYPES, Wants>;
+    using Appearances = ShapeAppearance<Types, Wants>;
     using Sheets = typename Kept<VEILS != 0, TransparentShapes<VEILS != 0 ? VEILS : 1>>::type;
     constexpr int SHARED_BYTES = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int CACHED =
@@ -29,24 +29,24 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
 #endif
     constexpr int CORNERS =
-        Wants::FACETED && (TYPES >> PLANE & 1) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
+        Wants::FACETED && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
             ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
                                               - CACHED * int(sizeof(Appearances)) - 1024)
             : 0;
     // Caches some appearances if not all fit.
     constexpr bool SOME = CACHED == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
     constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1,
-                  APPEARANCE_BYTES = sizeof(ShapeAppearance<TYPES, Untextured<Wants>>);
+                  APPEARANCE_BYTES = sizeof(ShapeAppearance<Types, Untextured<Wants>>);
     constexpr int LEFT = (SHARED_BYTES - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / APPEARANCE_BYTES;
     constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
-    using Held = typename Either<SOME, SeenLooks<TYPES, Wants, PLACES, SEEN>, Appearances>::type;
+    using Held = typename Either<SOME, SeenLooks<Types, Wants, PLACES, SEEN>, Appearances>::type;
     constexpr int HELD = SOME ? -1 : CACHED;
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
 #if defined(__CUDA_ARCH__)
     constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
                   BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
-    constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && (TYPES >> PLANE & 1) && LENS == PINHOLE;
+    constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~STORE_QUADS : FACTS & ~PLANE_STRIPS;
@@ -64,7 +64,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
-    const Region region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(frame, index / THREADS, world);
+    const Region region = region_of<WIDTH, HEIGHT, Types::has(MIDDLE_FIRST)>(frame, index / THREADS, world);
     if (!wp::index(frame.mask, world))
         return;
     const int left = region.left, top = region.top;
@@ -92,17 +92,17 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             eye = as_vec3(at.eye);
             mirror = at.shape;
         }
-        gather_veils<TYPES, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
+        gather_veils<Types, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
     }
 #if defined(__CUDA_ARCH__)
     if constexpr (CACHED > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            looks[i] = load_appearance_for<TYPES, Wants>(scene, camera, world, id);
+            looks[i] = load_appearance_for<Types, Wants>(scene, camera, world, id);
         }
     if constexpr (SOME) {
         if (thread == 0 && frame.plane >= 0)
-            looks->plane = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks->plane = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
         if constexpr (Held::MARKED)
             gather_looks<WIDTH, HEIGHT, FACTS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
     }
@@ -112,18 +112,18 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     if constexpr (VEILS != 0 && CACHED > 0)
         for (int slot = 0; slot < veils.count; ++slot) {
             const int place = wp::index(scene.shapes.places, veils.ids[slot]);
-            looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, veils.ids[slot]);
+            looks[place] = load_appearance_for<Types, Wants>(scene, camera, world, veils.ids[slot]);
             made[place] = true;
         }
     if constexpr (CORNERS > 0 && CACHED > 0)
         if (frame.plane >= 0) {
             const int place = wp::index(scene.shapes.places, frame.plane);
-            looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks[place] = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
             made[place] = true;
         }
     if constexpr (SOME)
         if (frame.plane >= 0)
-            looks->plane = load_appearance_for<TYPES, Wants>(scene, camera, world, frame.plane);
+            looks->plane = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
 #endif
     if constexpr (ON_FLOOR) {
         const Appearances& look = plane_look<CACHED>(looks, scene);
@@ -171,28 +171,28 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
-                                                                    world, one, find<TYPES, IMAGES, FACTS>(frame, one));
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
+                                                                    world, one, find<Types, IMAGES, FACTS>(frame, one));
             });
         return;
     }
     seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    PixelHit next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+    PixelHit next = find<Types, IMAGES, FACTS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const PixelHit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
             seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
-            next = find<TYPES, IMAGES, FACTS>(frame, pixel);
+            next = find<Types, IMAGES, FACTS>(frame, pixel);
         }
         seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
                     looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world,
                     pixel, found);
             else
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
                                                                     world, pixel, found);
         }
     }
@@ -207,7 +207,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     const auto make_look = [&](int id) {
         if constexpr (CACHED > 0)
             if (const int place = wp::index(scene.shapes.places, id); !made[place]) {
-                looks[place] = load_appearance_for<TYPES, Wants>(scene, camera, world, id);
+                looks[place] = load_appearance_for<Types, Wants>(scene, camera, world, id);
                 made[place] = true;
             }
     };
@@ -223,14 +223,14 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             if constexpr (CACHED > 0)
                 return (looks[wp::index(scene.shapes.places, id)]);
             else
-                return cached_appearance<TYPES, HELD, Wants>(looks, list, scene, camera, world, id);
+                return cached_appearance<Types, HELD, Wants>(looks, list, scene, camera, world, id);
         };
         for (int start = top; start < bottom; start += ROWS) {
             const int rows = min(ROWS, bottom - start);
             const size_t corner = first + size_t(start) * frame.width + left;
             ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            paint_sorted<TYPES, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+            paint_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
                                                                                   corner, look_at, painted);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
@@ -239,9 +239,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
-                        resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(
+                        resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
                             looks, list, scene, own_camera(pixel), veils, region, world, pixel,
-                            find<TYPES, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
+                            find<Types, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
                     }
             }
         }
@@ -249,10 +249,10 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         for (pixel.row = top; pixel.row < min(top + HEIGHT, frame.height); ++pixel.row)
             for (pixel.column = left; pixel.column < min(left + WIDTH, frame.width); ++pixel.column) {
                 pixel.at = first + pixel.row * frame.width + pixel.column;
-                const PixelHit found = find<TYPES, IMAGES, FACTS>(frame, pixel);
+                const PixelHit found = find<Types, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
-                resolve_pixel<TYPES, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region,
+                resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region,
                                                                 world, pixel, found);
             }
     }

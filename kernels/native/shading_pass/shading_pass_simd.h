@@ -116,15 +116,15 @@ struct EightHits {
 };
 
 // World-frame normals of surfaces that face the camera.
-template <int TYPES, class Appearances, class Scene_>
+template <class Types, class Appearances, class Scene_>
 inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const SurfaceInteraction8& surface,
                              const Vec3x8& ray)
 {
     const ShapeToWorldRotation& turn = look.turn;
     const Float3Int a = turn.axis_x, b = turn.axis_y, c = turn.axis_z;
     Vec3x8 normal = surface.normal;
-    if constexpr ((TYPES >> LIT_NORMALS & 1) != 0)
-        normal = smooth_normal<TYPES>(look.pose, scene.meshes, surface);
+    if constexpr (Types::has(LIT_NORMALS))
+        normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     const Vec3x8 turned { a.x * normal.x + a.y * normal.y + a.z * normal.z,
                           b.x * normal.x + b.y * normal.y + b.z * normal.z,
                           c.x * normal.x + c.y * normal.y + c.z * normal.z };
@@ -132,14 +132,14 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
 }
 
 // The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
-template <int TYPES, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
 inline void light_eight(const Appearances& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
                         const SurfaceInteraction8& surface, const OffsetRay8& beams, const Vec3x8& place, Int8 shadow,
                         Lits& lit)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
     const ShapeFromCamera& pose = look.pose;
-    if constexpr (SHADOWS && (TYPES & SHADES_ITSELF))
+    if constexpr (SHADOWS && (Types::GEOMETRY & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
             shadow |= own_shadow(lights, camera, place, pose.seen(surface.normal));
     Int8 inside = 0;
@@ -154,9 +154,8 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
         return;
     }
     Facets facet;
-    facet_at<TYPES>(look, scene.meshes, surface, place, facet);
-    const bool at_corners =
-        (TYPES & (1 << PLANE | 1 << HEIGHT_FIELD | 1 << BOX | 1 << MESH)) && lit_at_corners<TYPES>(look);
+    facet_at<Types>(look, scene.meshes, surface, place, facet);
+    const bool at_corners = Types::has_any(PLANE, HEIGHT_FIELD, BOX, MESH) && lit_at_corners<Types>(look);
     Lits own;
     const auto light_corners = [&](const auto&... eye) {
         illuminate_eight<SHADOWS, LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
@@ -172,7 +171,7 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
 constexpr int TOGETHER = 4;
 
 // Shades packets; of the last packet `rest` pixels count, of the others all.
-template <int TYPES, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
+template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
           class PbrInputs>
 WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id,
                                                const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
@@ -193,7 +192,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
         rays[n] = pose.local(beams[n].direction);
         const Vec3x8 away = has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(beams[n], hit.depth));
         surfaces[n].local = broadcast(pose.eye()) + away;
-        find_surface<TYPES>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
+        find_surface<Types>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
     }
     const auto steps = [&](int n, Vec3x8& right, Vec3x8& down) {
@@ -204,7 +203,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
     };
     if constexpr (Wants::TEXTURED)
         if (levels) {
-            texture_colors<TYPES>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets,
+            texture_colors<Types>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets,
                                   textures);
             for (int n = 0; Wants::COATED && n < packets; ++n)
                 textures[n] = srgb_to_linear(textures[n]);
@@ -212,7 +211,7 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
     if constexpr ((IMAGES & NORMALS) != 0)
         for (int n = 0; n < packets; ++n)
             painted.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
-                                facing_normals<TYPES>(look, scene, surfaces[n], rays[n]));
+                                facing_normals<Types>(look, scene, surfaces[n], rays[n]));
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
             const Vec3x8 albedo = mul(broadcast(clip(as_vec3(look.finish.color))), textures[n]);
@@ -226,13 +225,13 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
             const Vec3x8 to_eye =
                 LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -beams[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
-            shade_eight_physically<TYPES, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
+            shade_eight_physically<Types, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
             if (FACTS & HAS_EXPOSURE)
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<TYPES, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+            light_eight<Types, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
                                                                beams[n], place, shadow, lit);
             const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
             lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
@@ -291,18 +290,18 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
 }
 
 // Loads the hits of eight pixels, of which `count` are given; further lanes repeat the last.
-template <int TYPES, bool SHADOWS, int WIDTH, class Frame, class Rows>
+template <class Types, bool SHADOWS, int WIDTH, class Frame, class Rows>
 inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count,
                       EightHits& hits)
 {
-    constexpr bool FACES = (TYPES & (1 << MESH | 1 << HEIGHT_FIELD)) != 0;
+    constexpr bool FACES = Types::has_any(MESH, HEIGHT_FIELD);
     rows.find(pixels, count, hits.x, hits.y);
     if (in_one_row<WIDTH>(pixels, count)) {
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
         if (FACES) {
             Int8 faces = load8(frame.face.data + at);
-            if ((TYPES >> HEIGHT_FIELD & 1) && sizeof *frame.face.data == 2)
+            if (Types::has(HEIGHT_FIELD) && sizeof *frame.face.data == 2)
                 faces |= faces == 0xffff;  // see stored_face()
             store8(hits.faces, faces);
         }
@@ -317,7 +316,7 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
         const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
         depth[k] = frame.depth.data[at];
         if (FACES)
-            hits.faces[k] = stored_face<TYPES>(frame.face.data[at]);
+            hits.faces[k] = stored_face<Types>(frame.face.data[at]);
         if (SHADOWS)
             shadow[k] = frame.shadow.data[at];
     }
@@ -327,7 +326,7 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
 }
 
 // Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
-template <int TYPES, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
+template <class Types, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
           class Rows, class LookAt, class PbrInputs>
 inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
                          int world, size_t first, const LookAt& look_at, PbrInputs& painted)
@@ -358,10 +357,10 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
             const int packets = min(TOGETHER, (total - done + SIMD_WIDTH - 1) / SIMD_WIDTH);
             for (int n = 0; n < packets; ++n) {
                 const int from = done + n * SIMD_WIDTH;
-                load_hits<TYPES, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
+                load_hits<Types, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
                                                                              min(SIMD_WIDTH, total - from), hits[n]);
             }
-            paint_packets<TYPES, LENS, IMAGES, FACTS>(
+            paint_packets<Types, LENS, IMAGES, FACTS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,
                 min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), painted);
         }

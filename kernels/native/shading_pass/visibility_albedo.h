@@ -22,11 +22,11 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
 };
 
 // Shared memory of the albedo writer. FACTS: of shading/appearance.h.
-template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
+template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
     static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
     using Wants = ShadingNeeds<ALBEDO, FACTS>;
-    using Appearances = ShapeAppearance<TYPES, Wants>;
-    static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && (TYPES >> PLANE & 1);
+    using Appearances = ShapeAppearance<Types, Wants>;
+    static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && Types::has(PLANE);
     static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
     static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH,
                          TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
@@ -87,7 +87,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
     {
         if constexpr (CACHED > 0)
             if (const int i = thread - (THREADS - WARP_SIZE); i >= 0 && i < scene.shapes.drawn.shape[0])
-                looks[i] = load_appearance_for<TYPES, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
+                looks[i] = load_appearance_for<Types, Wants>(scene, camera, world, wp::index(scene.shapes.drawn, i));
     }
 
     // Computes what pixels of the plane share; by one warp.
@@ -98,7 +98,7 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
             floor.shape = -1;
         if (plane < 0)
             return;
-        const Appearances look = load_appearance_for<TYPES, Wants>(scene, camera, world, plane);
+        const Appearances look = load_appearance_for<Types, Wants>(scene, camera, world, plane);
         unsigned long long sheet = 0;
         if constexpr (!MIPS)
             sheet = sheet_of(scene.textures, look.finish.color.w);
@@ -298,25 +298,25 @@ template <int TYPES, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_
         const CameraRay<PINHOLE> ray = view_ray<PINHOLE>(camera, i, j);
         ShadedPixel shown;
         if constexpr (CACHED > 0)
-            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
+            resolve_surface<Types, PINHOLE, ALBEDO, FACTS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
                                                            scene, camera, ray.x, ray.y, hit, 0, shown);
         else
-            resolve_surface<TYPES, PINHOLE, ALBEDO, FACTS>(
-                load_appearance_for<TYPES, Wants>(scene, camera, world, hit.shape), None {}, scene, camera, ray.x,
+            resolve_surface<Types, PINHOLE, ALBEDO, FACTS>(
+                load_appearance_for<Types, Wants>(scene, camera, world, hit.shape), None {}, scene, camera, ray.x,
                 ray.y, hit, 0, shown);
         return to_bytes(shown.albedo);
     }
 };
 
-// Draws as draw() does, in scenes of no more shapes than a list holds. TYPES: including the bits that only colours
+// Draws as draw() does, in scenes of no more shapes than a list holds. Types: including the bits that only colours
 // need.
-template <int TYPES, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
+template <class Types, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                  const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    using Room = Painter<TYPES, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
-    draw_with<analytic_types(TYPES), PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(
+    using Room = Painter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
+    draw_with<SceneTypes<Types::ANALYTIC, 0>, PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(
         shapes, materials, meshes, fields, views, target, index);
 }
 

@@ -24,9 +24,9 @@ struct WorldRay {
         return { transform(record, point, { o.x, o.y, o.z }), transform(record, direction, { 0.0f, 0.0f, 0.0f }) };
     }
 
-    template <int TYPES> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
+    template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
-        if constexpr ((TYPES >> PER_SHAPE_SCALE & 1) != 0)
+        if constexpr (Types::has(PER_SHAPE_SCALE))
             return frame_along(local(record));
         const Vec3 d = direction, none { 0.0f, 0.0f, 0.0f };
         // any vector that is not along d, made perpendicular to it
@@ -125,7 +125,7 @@ template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const 
 #endif
 
 // False if the shape casts no shadow in this light. TIGHT: see window_of().
-template <int TYPES, bool TIGHT = false, class Meshes, class HeightFields>
+template <class Types, bool TIGHT = false, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light,
                                                         const Camera& camera, const Meshes& meshes,
                                                         const HeightFields& fields, Caster& caster)
@@ -134,7 +134,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
     Vec3 scale;
     ShapeRecord& record = caster.record;
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    if (!shape_bounds<TYPES>(shape, meshes, fields, extent, scale, record))
+    if (!shape_bounds<Types>(shape, meshes, fields, extent, scale, record))
         return false;
     const Mat3& r = shape.rotation;
     const Vec3 c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
@@ -147,11 +147,11 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
     record.axis_y = { r.at[0][1] * scale.y, r.at[1][1] * scale.y, r.at[2][1] * scale.y, shape.id };
     record.axis_z = { r.at[0][2] * scale.z, r.at[1][2] * scale.z, r.at[2][2] * scale.z, shape.asset };
     record.origin = { -here.x * scale.x, -here.y * scale.y, -here.z * scale.z, 0 };
-    if ((TYPES >> MESH & 1) && shape.type == MESH) {
+    if (Types::has(MESH) && shape.type == MESH) {
         record.origin.w = wp::index(meshes.node_start, shape.asset);
         caster.aim.w = wp::index(meshes.face_start, shape.asset);
         caster.box = { extent.center, extent.half };
-        if (TYPES >> PER_SHAPE_SCALE & 1) {
+        if (Types::has(PER_SHAPE_SCALE)) {
             const LocalBounds own = stretched_by(extent, scale);
             caster.box = { own.center, own.half };
         }
@@ -164,18 +164,18 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
 }
 
 // Marks an analytic caster that is seen through: what stands inside of it lies in its shadow.
-template <int TYPES, class Shapes, class Materials>
+template <class Types, class Shapes, class Materials>
 WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const Shapes& shapes,
                                const Materials& materials, int world, int id)
 {
-    if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0)
+    if constexpr (Types::has(TRANSPARENT_CASTERS))
         if (record.axis_x.w != MESH)
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
 // Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE: so
 // many threads do it, a block or one of its warps.
-template <int TYPES, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+template <class Types, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes,
                                                         const Materials& materials, const Meshes& meshes,
                                                         const HeightFields& fields, const LightView& light,
@@ -188,13 +188,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(list.count);
                 list.records[slot] = caster.record;
                 list.aims[slot] = caster.aim;
-                mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
-                if (TYPES >> MESH & 1)
+                mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
+                if (Types::has(MESH))
                     list.boxes[slot] = caster.box;
                 list.windows[slot] = caster.window;
                 list.heights[slot] = caster.height;
@@ -222,13 +222,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
 }
 
 // Builds the list with its bounds, by a whole block.
-template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+template <class Types, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
                                   const Meshes& meshes, const HeightFields& fields, const LightView& light,
                                   const Camera& camera, int world, int thread)
 {
     begin =
-        collect_casters<TYPES, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
+        collect_casters<Types, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
 #if defined(__CUDA_ARCH__)
     if (thread < WARP_SIZE)
         find_bounds(list);
@@ -253,18 +253,18 @@ struct MeshLight {
 
 // Light that shines on the other side only adds nothing but its ambient part, so that the shadow of one without does
 // not matter.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool distant, const MeshLight& light)
 {
     const unsigned row = unsigned(wp::index(meshes.face_start, mesh)) + unsigned(face * FACE_ROWS);
     int given = load(meshes.faces.data, row).w;
     bool back = false, flat = false;
     Vec3 normal { 0.0f, 0.0f, 0.0f };
-    if constexpr ((TYPES >> TWO_SIDED & 1) != 0) {
+    if constexpr (Types::has(TWO_SIDED)) {
         const Float3Int first = load(meshes.faces.data, row), second = load(meshes.faces.data, row + 1);
         const Float3Int third = load(meshes.faces.data, row + 2);
-        if (has_back<TYPES>(second.w)) {
-            flat = is_flat<TYPES>(second.w, third.w);
+        if (has_back<Types>(second.w)) {
+            flat = is_flat<Types>(second.w, third.w);
             normal = normalized(cross(as_vec3(second) - as_vec3(first), as_vec3(third) - as_vec3(first)));
             back = dot(normal, light.sight) > 0.0f;
             if (back) {
@@ -284,7 +284,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
         faces |= n.x * to.x + n.y * to.y + n.z * to.z > -slack;
     }
     bool clear = false;
-    if constexpr (has_horizons(TYPES)) {
+    if constexpr (has_horizons<Types>()) {
         const FaceAxes axes = face_axes(as_vec3(corners[0]), as_vec3(corners[1]), as_vec3(corners[2]));
         clear = is_clear(unsigned(corners[2].w), axes, light.way);
     }
@@ -292,7 +292,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
 }
 
 // Tests a shape's face likewise. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
-template <int TYPES, class Shapes, class Meshes>
+template <class Types, class Shapes, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face,
                                  const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)
 {
@@ -302,10 +302,10 @@ WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int
     const Vec3 c { shape.position.x - origin.x, shape.position.y - origin.y, shape.position.z - origin.z };
     const auto local = [&](Vec3 v) {
         const Vec3 own = transform_transposed(shape.rotation, v);
-        return TYPES >> PER_SHAPE_SCALE & 1 ? Vec3 { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z }
-                                            : own;
+        return Types::has(PER_SHAPE_SCALE) ? Vec3 { own.x / shape.size.x, own.y / shape.size.y, own.z / shape.size.z }
+                                           : own;
     };
-    return face_light<TYPES>(meshes, shape.asset, face, light.distant,
+    return face_light<Types>(meshes, shape.asset, face, light.distant,
                              { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });
 }
 

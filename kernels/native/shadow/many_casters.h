@@ -99,7 +99,7 @@ WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Pa
 
 // Adds the outlines of shapes from `begin` on that may shade something in the region, until there is no more room;
 // returns where to go on.
-template <int TYPES, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
+template <class Types, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
                                    const Meshes& meshes, const HeightFields& fields, const LightView& light,
                                    const Camera& camera, const ReceiverBounds& all, const Grid& grid, int world,
@@ -112,7 +112,7 @@ WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shape
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && (grid.endless || may_occlude(caster.window, caster.height, all.window, all.floor))
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(crowd.count);
@@ -155,7 +155,7 @@ template <class Crowd_> WARPCAM_DEVICE int pick(const Crowd_& crowd, const Packe
     return from;
 }
 
-template <int TYPES, class Shapes, class Materials, class Meshes, class HeightFields>
+template <class Types, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes& shapes, const Materials& materials,
                                   const Meshes& meshes, const HeightFields& fields, const LightView& light,
                                   const Camera& camera, int world, int lane)
@@ -166,17 +166,17 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
     for (int slot = lane; slot < picked; slot += WARP_SIZE) {
         Caster caster;
         const int id = wp::index(shapes.drawn, picks.places[slot]);
-        prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
+        prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
         list.records[slot] = caster.record;
         list.aims[slot] = caster.aim;
-        mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
+        mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
         list.windows[slot] = caster.window;
         list.heights[slot] = caster.height;
     }
 }
 
 // True if a caster stands between a lane's point and the light. Each lane tests the casters that its point calls for.
-template <int TYPES, int LENS, class HeightFields>
+template <class Types, int LENS, class HeightFields>
 WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const ReceiverView<LENS>& view, const Asking& a,
                               const HeightFields& fields)
 {
@@ -188,16 +188,16 @@ WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const Recei
     for (mine = a.asks ? mine : 0; mine; mine &= mine - 1) {
         const int slot = ctz(mine);
         const ShapeRecord& record = list.records[slot];
-        if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+        if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD) {
             if (in_shade_of_field(fields, record, view.light, a.p, a.id, a.span))
                 return true;
         } else {
             const Ray ray = look_back(record, list.aims[slot], a.p, distant);
-            const float t = intersect_any<analytic_types(TYPES)>(record, ray);
+            const float t = intersect_any<Types::ANALYTIC>(record, ray);
             if ((t > a.span.near) & (t < a.span.reach))
                 return true;
-            if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0) {
-                const float out = list.aims[slot].w ? intersect_exit_any<analytic_types(TYPES)>(record, ray) : MISS;
+            if constexpr (Types::has(TRANSPARENT_CASTERS)) {
+                const float out = list.aims[slot].w ? intersect_exit_any<Types::ANALYTIC>(record, ray) : MISS;
                 if ((out > thin_span(view.light, a.span).near) & (out < a.span.reach))
                     return true;
             }
@@ -207,18 +207,18 @@ WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const Recei
 }
 
 // Adds the light's bit to the masks of a tile's pixels that lie in the shadow of what was picked.
-template <int TYPES, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
+template <class Types, int LENS, class Shapes, class Meshes, class HeightFields, class Target>
 WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const LightPass<LENS>& task, const Shapes& shapes,
                               const Meshes& meshes, const HeightFields& fields, const Target& target, int column,
                               int row, int lane)
 {
     const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
-    if (is_shaded<TYPES>(list, task.view, a, fields))
+    if (is_shaded<Types>(list, task.view, a, fields))
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 }
 
 // Casts the shadows of one light, as far as they come from the crowd.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
 WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patch* patches, const Grid& grid,
                                  const LightPass<LENS>& task, const Camera& camera, const Shapes& shapes,
@@ -242,25 +242,25 @@ WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patc
             if (picked == 0)
                 break;
             warp_sync();
-            prepare_picks<TYPES>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world,
+            prepare_picks<Types>(picks, picked, shapes, materials, meshes, fields, task.view.light, camera, task.world,
                                  lane);
             warp_sync();
             for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile)
                 if (tiles >> tile & 1)
-                    cast_tile<TYPES>(picks.list, task, shapes, meshes, fields, target, patch % ACROSS * PATCH,
+                    cast_tile<Types>(picks.list, task, shapes, meshes, fields, target, patch % ACROSS * PATCH,
                                      patch / ACROSS * PATCH + tile * TILE_HEIGHT, lane);
         } while (from < crowd.count);
     }
 }
 
 // Shadows in one region of one view, as cast() has them, of shapes without meshes.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                const HeightFields& fields, const Lights& lights, const Views& views,
                                const Target& target, int index)
 {
-    static_assert(!(TYPES >> MESH & 1));
+    static_assert(!Types::has(MESH));
     WARPCAM_SHARED CasterTiles<CAPACITY> crowd;
     WARPCAM_SHARED PickedCasters picks[WARPS];
     WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
@@ -293,7 +293,7 @@ WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials,
         if (thread == 0) {
             camera = load_camera(wp::index(views, world));
             task = {
-                light_view<TYPES, LENS>(lights, camera, world, number), region, corner, world, 1u << place, false
+                light_view<Types, LENS>(lights, camera, world, number), region, corner, world, 1u << place, false
             };
         }
         block_sync();
@@ -316,10 +316,10 @@ WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials,
             block_sync();
             if (!all.any)
                 break;
-            begin = gather_outlines<TYPES>(crowd, begin, shapes, materials, meshes, fields, task.view.light, camera,
+            begin = gather_outlines<Types>(crowd, begin, shapes, materials, meshes, fields, task.view.light, camera,
                                            all, grid, world, thread);
             if (crowd.count > 0)
-                cast_patches<TYPES, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes,
+                cast_patches<Types, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes,
                                                          materials, meshes, fields, target, lane);
             if (begin < total)
                 block_sync();  // the crowd is still in use

@@ -40,7 +40,7 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
 
 // Fills the list with shapes from `begin` on that may shade something in the region, until it is full; returns where to
 // go on. `spheres`: of the first shapes, as many as the list has room for.
-template <int TYPES, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+template <class Types, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, const Spheres* spheres,
                        const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                        const HeightFields& fields, const LightView& light, const Camera& camera,
@@ -55,13 +55,13 @@ inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, 
         for (; some; some &= some - 1) {
             Caster caster;
             const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = windows.count;
-            if (!prepare_caster<TYPES, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (!prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 || !may_occlude(caster.window, caster.height, region.window, region.floor)
                 || transparent(shapes, materials, world, id))
                 continue;
             list.records[slot] = caster.record;
             list.aims[slot] = caster.aim;
-            mark_glass<TYPES>(list.aims[slot], caster.record, shapes, materials, world, id);
+            mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
             list.windows[slot] = caster.window;
             list.heights[slot] = caster.height;
             windows.add(caster.window, caster.height);
@@ -93,13 +93,13 @@ template <int CAPACITY> struct PickedWindows : Windows<CAPACITY> {
 };
 
 // Shadows in one region of one view, as cast() has them, of shapes without meshes.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 inline void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                        const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                        int index)
 {
-    static_assert(!(TYPES >> MESH & 1));
+    static_assert(!Types::has(MESH));
     constexpr int ACROSS = WIDTH / TILE_WIDTH, DOWN = HEIGHT / TILE_HEIGHT;
     constexpr int PATCH_ACROSS = min(PATCH, WIDTH) / TILE_WIDTH, PATCH_DOWN = min(PATCH, HEIGHT) / TILE_HEIGHT;
     static_assert(ACROSS % PATCH_ACROSS == 0 && DOWN % PATCH_DOWN == 0);
@@ -122,11 +122,11 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
         const int place = kept.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        const ReceiverView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, number);
+        const ReceiverView<LENS> view = light_view<Types, LENS>(lights, camera, world, number);
         const unsigned bit = 1u << place;
         const auto load = [&](Points& points, int tile_column, int tile_row, bool clear) {
             const int column = tile_column * TILE_WIDTH, row = tile_row * TILE_HEIGHT;
-            return points.load<TYPES>(view, target, corner + size_t(row) * target.width + column, region.left + column,
+            return points.load<Types>(view, target, corner + size_t(row) * target.width + column, region.left + column,
                                       region.top + row, bit, clear);
         };
         PointsAround patches[PATCHES], all;
@@ -147,7 +147,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
         const TileWindow everything = all.window();
         int begin = everything.floor < MISS ? 0 : total;  // no point asks
         while (begin < total) {
-            begin = gather_near<TYPES>(list, windows, begin, spheres, shapes, materials, meshes, fields, view.light,
+            begin = gather_near<Types>(list, windows, begin, spheres, shapes, materials, meshes, fields, view.light,
                                        camera, everything, world);
             for (int patch = 0; patch < PATCHES; ++patch) {
                 const TileWindow its = patches[patch].window();
@@ -162,7 +162,7 @@ inline void cast_crowd(const Shapes& shapes, const Materials& materials, const M
                     if (!asks[row * ACROSS + column])
                         continue;
                     Points& points = kept_points[row * ACROSS + column];
-                    shade_tile<TYPES>(list, picked, view, world, shapes, meshes, fields, points);
+                    shade_tile<Types>(list, picked, view, world, shapes, meshes, fields, points);
                     points.mark(target, corner + size_t(row) * TILE_HEIGHT * target.width + column * TILE_WIDTH, bit);
                 }
             }

@@ -102,7 +102,7 @@ template <int WORDS, class Boxes> struct ShadowRays : RayQueue<WORDS> {
 };
 
 // True if a face of the lane's leaf, if its `node` is one, blocks its ray to the light. All lanes test faces for all.
-template <int TYPES, class Rays, class List, class Meshes>
+template <class Types, class Rays, class List, class Meshes>
 WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& light, const Meshes& meshes, int slot,
                                  int node)
 {
@@ -120,14 +120,14 @@ WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& 
             const RayFrame frame = rays.frame_of(from);
             const float t =
                 enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                               project(frame, c.x, c.y, c.z), (TYPES >> SHADING_BACKS & 1) || has_back<TYPES>(b.w));
+                               project(frame, c.x, c.y, c.z), (Types::has(SHADING_BACKS)) || has_back<Types>(b.w));
             const Span span = rays.span[from];
             meets = (t > span.near) & (t < span.reach);
-            if constexpr ((TYPES >> ALPHA_TESTED & 1) != 0) {
+            if constexpr (Types::has(ALPHA_TESTED)) {
                 const Vec3 point = rays.start.at(from);
                 const ShapeRecord& record = list.records[its_slot];
                 meets = meets
-                        && is_there<TYPES>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
+                        && is_there<Types>(meshes, record, WorldRay { point, ray_to(light, point) }.local(record),
                                            number, t);
             }
         }
@@ -138,7 +138,7 @@ WARPCAM_DEVICE bool meets_leaves(Rays& rays, const List& list, const LightView& 
 
 // Calls shade(pixel) for each ray that `next_tile` finds (see Supply) and that meets a front face, or any where backs
 // shade, on its way to the light.
-template <int TYPES, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
+template <class Types, int WORDS, class Boxes, class List, class Meshes, class NextTile, class Shade>
 WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, const LightView& light,
                               const Meshes& meshes, const NextTile& next_tile, const Shade& shade)
 {
@@ -179,7 +179,7 @@ WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, 
                 const Vec3 point = rays.start.at(lane);
                 const WorldRay ray { point, ray_to(light, point) };
                 const Ray local = ray.local(record);
-                rays.put_frame(ray.template frame<TYPES>(record));
+                rays.put_frame(ray.template frame<Types>(record));
                 boxes.set(local.origin, local.direction, record.size.x);
                 rays.keep_boxes(boxes);
                 nodes = record.origin.w;
@@ -193,7 +193,7 @@ WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, 
             if (inner) {
                 float enter[4], leave[4];
                 int child[4];
-                boxes.test(node_rows<TYPES>(meshes, nodes, node), 0.0f, far, enter, leave, child);
+                boxes.test(node_rows<Types>(meshes, nodes, node), 0.0f, far, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
@@ -215,7 +215,7 @@ WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, 
         const unsigned leaves = __ballot_sync(FULL_WARP, node < 0);
         if (leaves && (__popc(leaves) >= MIN_ACTIVE_LANES / 2 || !stepping)) {
             __syncwarp();  // frames that one lane writes another may read
-            const bool met = meets_leaves<TYPES>(rays, list, light, meshes, slot, node);
+            const bool met = meets_leaves<Types>(rays, list, light, meshes, slot, node);
             if (node < 0) {
                 if (met) {
                     shade(rays.own[lane]);

@@ -13,7 +13,10 @@ constexpr int SHUTTER_ROWS = 3;
 constexpr int ALL_SHUTTER_ROWS = (SHUTTER_ROWS + 1) * SHUTTERS;
 
 // True if meshes have occluder boxes: see accel/meshes.py.
-constexpr bool has_shutters(int types) { return (types >> HAS_OCCLUDER_BOXES & 1) && !(types >> ALPHA_TESTED & 1); }
+template <class Types> constexpr bool has_shutters()
+{
+    return Types::has(HAS_OCCLUDER_BOXES) && !Types::has(ALPHA_TESTED);
+}
 
 // Takes a mesh's own coordinates to those in which the box is from -1 to 1, its ends at z = -1 and 1.
 struct OccluderBox {

@@ -65,10 +65,10 @@ struct Points {
 
     // Loads the points of a tile, whose first pixel is `first`; false if none asks. With `fresh` their masks are
     // cleared.
-    template <int TYPES, int LENS, class Target> bool load(const ReceiverView<LENS>& view, const Target& target,
-                                                           size_t first, int left, int top, unsigned bit, bool fresh)
+    template <class Types, int LENS, class Target> bool load(const ReceiverView<LENS>& view, const Target& target,
+                                                             size_t first, int left, int top, unsigned bit, bool fresh)
     {
-        constexpr bool FACES = TYPES >> MESH & 1, IDS = FACES || (TYPES >> HEIGHT_FIELD & 1);
+        constexpr bool FACES = Types::has(MESH), IDS = FACES || Types::has(HEIGHT_FIELD);
         static_assert(TILE_WIDTH == SIMD_WIDTH && TILE_HEIGHT == ROWS);
         this->left = left;
         this->top = top;

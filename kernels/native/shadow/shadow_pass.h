@@ -19,7 +19,7 @@ template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int worl
     return per_world(lights.casts_shadow, world, light) && dot(sum, sum) > 0.0f;
 }
 
-template <int TYPES, int LENS, class Lights>
+template <class Types, int LENS, class Lights>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& lights, const Camera& camera, int world,
                                                                   int light)
 {
@@ -29,7 +29,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
                                       map_size(lights, distant, per_world(lights.cutoff, world, light)));
     const PointReconstructor<LENS> sight = sight_of<LENS>(camera);
     bool dims = false;
-    if constexpr ((TYPES >> MESH & 1) && (TYPES >> SHADING_BACKS & 1)) {
+    if constexpr (Types::has(MESH) && Types::has(SHADING_BACKS)) {
         const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
@@ -49,10 +49,10 @@ template <int LENS> struct LightPass {
 
 // Number of lights whose lists are built together: where a warp builds a list by itself, two lists are built at once,
 // and their shadows are cast without a barrier between them.
-template <int TYPES, int CAPACITY> constexpr int lights_per_batch()
+template <class Types, int CAPACITY> constexpr int lights_per_batch()
 {
 #if defined(__CUDA_ARCH__)
-    return (TYPES >> MESH & 1) && CAPACITY <= 16 ? 2 : 1;
+    return (Types::has(MESH)) && CAPACITY <= 16 ? 2 : 1;
 #else
     return 1;
 #endif
@@ -91,20 +91,21 @@ template <class List> WARPCAM_DEVICE bool others_met(const List& list, unsigned 
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
 // of the pixels that lie in shadow.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
+template <class Types, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
           class Target>
 WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Shapes& shapes, const Meshes& meshes,
                                const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    constexpr bool HAS_MESH = Types::has(MESH);
     const ReceiverView<LENS>& view = task.view;
 #if defined(__CUDA_ARCH__)
-    constexpr bool BESIDE = lights_per_batch<TYPES, List::CAPACITY>() > 1;
+    constexpr bool BESIDE = lights_per_batch<Types, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
-    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child(TYPES)>> rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
+    WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child<Types>()>>
+        rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
     const int lane = threadIdx.x % WARP_SIZE, warp = HAS_MESH ? threadIdx.x / WARP_SIZE : 0;
-    constexpr bool ON_FLOOR = uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>();
+    constexpr bool ON_FLOOR = uses_plane_cull<Types, LENS, WIDTH, HEIGHT>();
     if constexpr (
         ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
         const unsigned own = Strips::of_warp(threadIdx.x / WARP_SIZE, lane / 4);
@@ -156,7 +157,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const Vec3 p = view.sight.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
-        const bool met_any = shade_tile<TYPES>(list, view, p, id, span, place, around, open, fields, met);
+        const bool met_any = shade_tile<Types>(list, view, p, id, span, place, around, open, fields, met);
         if (HAS_MESH) {
             bool keep = open && met_any, tries = keep;
             const int slot = keep ? slot_to_try(list, met, id) : 0;
@@ -165,12 +166,12 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             if (keep && record.axis_y.w == id) {
                 const Vec3 sight = WorldRay::transform(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
                 const Facing facing =
-                    face_light<TYPES>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
+                    face_light<Types>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
                                       { as_vec3(list.aims[slot]), ray.direction, sight });
                 keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
                 tries = keep && !facing.clear;
             }
-            if constexpr (has_shutters(TYPES)) {
+            if constexpr (has_shutters<Types>()) {
                 if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
@@ -190,7 +191,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             const size_t at = task.corner + unsigned(pixel / 64 * target.width + pixel % 64);
             mark_shadow<BESIDE>(target, at, task.bit);
         };
-        cast_rays<TYPES>(rays[warp], list, view.light, meshes, next_tile, shade);
+        cast_rays<Types>(rays[warp], list, view.light, meshes, next_tile, shade);
     } else {
         int none;
         while (next_tile(none)) {
@@ -209,9 +210,9 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const int column = tile % across * TILE_WIDTH, left = region.left + column;
         const int row = tile / across * TILE_HEIGHT;
         const size_t first = corner + size_t(row) * target.width + column;
-        if (!points.template load<TYPES>(view, target, first, left, region.top + row, bit, fresh))
+        if (!points.template load<Types>(view, target, first, left, region.top + row, bit, fresh))
             continue;
-        shade_tile<TYPES>(list, windows, view, world, shapes, meshes, fields, points);
+        shade_tile<Types>(list, windows, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);
     }
 #endif
@@ -241,27 +242,27 @@ WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, in
 
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
 // again as often as the scene's shapes need.
-template <int TYPES, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                          const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                          int index)
 {
-    constexpr int BESIDE = lights_per_batch<TYPES, CAPACITY>();
-    WARPCAM_SHARED CasterList<CAPACITY, (TYPES >> MESH & 1) != 0, BESIDE == 2 && has_shutters(TYPES)> lists[BESIDE];
+    constexpr int BESIDE = lights_per_batch<Types, CAPACITY>();
+    WARPCAM_SHARED CasterList<CAPACITY, Types::has(MESH), BESIDE == 2 && has_shutters<Types>()> lists[BESIDE];
     WARPCAM_SHARED LightPass<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
     WARPCAM_SHARED Floor floor;
     int world;
-    const int part = part_of<(TYPES >> MIDDLE_FIRST & 1) != 0>(block, columns, rows, world);
+    const int part = part_of<Types::has(MIDDLE_FIRST)>(block, columns, rows, world);
     if (!wp::index(target.mask, world))
         return;
     const Region region { part % columns * WIDTH, part / columns * HEIGHT, WIDTH, HEIGHT };
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
 
 #if defined(__CUDA_ARCH__)
-    if constexpr (uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>())
+    if constexpr (uses_plane_cull<Types, LENS, WIDTH, HEIGHT>())
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
@@ -270,7 +271,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
     bool fresh = true;
     unsigned floors = 0;
 #if defined(__CUDA_ARCH__)
-    if constexpr (uses_plane_cull<TYPES, LENS, WIDTH, HEIGHT>()) {
+    if constexpr (uses_plane_cull<Types, LENS, WIDTH, HEIGHT>()) {
         if (target.width % 4 == 0 && region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height) {
             floors = find_floors<WIDTH, HEIGHT>(target, corner, target.plane);
             fresh = false;
@@ -303,14 +304,14 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 if (lane == 0)
                     list.count = list.next_tile = list.strips = 0;
                 const Camera camera = load_camera(wp::index(views, world));
-                const ReceiverView<LENS> view = light_view<TYPES, LENS>(lights, camera, world, own);
+                const ReceiverView<LENS> view = light_view<Types, LENS>(lights, camera, world, own);
                 if (lane == 0)
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_sync();
-                collect_casters<TYPES, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
+                collect_casters<Types, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
                                                   lane);
                 warp_sync();
-                if constexpr (has_shutters(TYPES)) {
+                if constexpr (has_shutters<Types>()) {
                     for (int slot = 0; slot < list.count; ++slot)
                         if (list.records[slot].axis_x.w == MESH)
                             outline_caster(list, slot, view.light, meshes);
@@ -323,7 +324,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
                     continue;
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor,
+                cast_light<Types, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor,
                                                        floors);
             }
         }
@@ -343,15 +344,15 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 list.count = list.next_tile = list.strips = 0;
             {
                 const Camera camera = load_camera(wp::index(views, world));
-                const ReceiverView<LENS> own = light_view<TYPES, LENS>(lights, camera, world, number);
+                const ReceiverView<LENS> own = light_view<Types, LENS>(lights, camera, world, number);
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
                 block_sync();
-                begin = gather_casters<TYPES>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
+                begin = gather_casters<Types>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
                                               thread);
             }
             if (list.count > 0)
-                cast_light<TYPES, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
+                cast_light<Types, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }

@@ -84,10 +84,10 @@ WARPCAM_DEVICE bool find_asking(const Target& target, size_t at, int inside, flo
 
 // True if warps have strips of their own, among which those that show nothing but a plane are handled apart: see
 // shadow/plane_receiver_cull.h.
-template <int TYPES, int LENS, int WIDTH, int HEIGHT> constexpr bool uses_plane_cull()
+template <class Types, int LENS, int WIDTH, int HEIGHT> constexpr bool uses_plane_cull()
 {
     using Strips = Strip<WIDTH, HEIGHT>;
-    return (TYPES >> PLANE & 1) && !(TYPES >> MESH & 1) && LENS == PINHOLE && Strips::TILES == 4
+    return (Types::has(PLANE)) && !Types::has(MESH) && LENS == PINHOLE && Strips::TILES == 4
            && Strips::EACH * Strips::WARPS == Strips::COUNT && Strips::EACH <= 8 && Strips::WARPS % Strips::ACROSS == 0;
 }
 

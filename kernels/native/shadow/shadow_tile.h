@@ -32,12 +32,12 @@ template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const Ti
 // Tests whether the lane's point, of shape `id`, which the light sees at `place`, is in the shadow of a caster. `open`
 // is false in lanes that do not ask; afterwards it is true in those that still do. Meshes are not tested but named in
 // `met`, bits by slot, if the way to the light intersects their boxes; returns true if there are any.
-template <int TYPES, int LENS, class List, class HeightFields>
+template <class Types, int LENS, class List, class HeightFields>
 WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view, Vec3 p, int id, const Span& span,
                                const LightSpacePoint& place, const TileWindow& tile, bool& open,
                                const HeightFields& fields, unsigned* met)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_FIELD = TYPES >> HEIGHT_FIELD & 1;
+    constexpr bool HAS_MESH = Types::has(MESH), HAS_FIELD = Types::has(HEIGHT_FIELD);
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + 31) / 32;
     const bool distant = view.light.distant;
     bool met_any = false;
@@ -62,11 +62,11 @@ WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view,
                 __syncwarp();
             } else {
                 const Ray ray = look_back(record, list.aims[slot], p, distant);
-                const float t = intersect_any<analytic_types(TYPES)>(record, ray);
+                const float t = intersect_any<Types::ANALYTIC>(record, ray);
                 open = open & !((t > span.near) & (t < span.reach));
-                if constexpr ((TYPES >> TRANSPARENT_CASTERS & 1) != 0) {
+                if constexpr (Types::has(TRANSPARENT_CASTERS)) {
                     if (list.aims[slot].w) {
-                        const float out = intersect_exit_any<analytic_types(TYPES)>(record, ray);
+                        const float out = intersect_exit_any<Types::ANALYTIC>(record, ray);
                         open = open & !((out > thin_span(view.light, span).near) & (out < span.reach));
                     }
                 }

@@ -69,7 +69,7 @@ inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box,
 }
 
 // Eight rays as WorldRay, whose comments hold here, at a mesh.
-template <int TYPES>
+template <class Types>
 inline void put_rays(MeshRays& rays, int first, const ShapeRecord& r, Vec3x8 p, Vec3x8 to, Float8 near, Float8 reach)
 {
     const auto dot_axis = [&](Vec3x8 v, Vec3 start) {
@@ -78,12 +78,12 @@ inline void put_rays(MeshRays& rays, int first, const ShapeRecord& r, Vec3x8 p, 
                         r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
     };
     const Vec3 none { 0.0f, 0.0f, 0.0f };
-    const Vec3x8 own = dot_axis(to, none), d = TYPES >> PER_SHAPE_SCALE & 1 ? own : to;
+    const Vec3x8 own = dot_axis(to, none), d = Types::has(PER_SHAPE_SCALE) ? own : to;
     const Float8 zero = 0.0f;
     const Vec3x8 across = select(abs(d.z) > abs(d.x), { zero, d.z, -d.y }, { d.y, -d.x, zero });
     const Vec3x8 frame[3] = { across, cross(across, d), rcp(dot(d, d)) * d };
     const Vec3x8 origin = dot_axis(p, { r.origin.x, r.origin.y, r.origin.z });
-    if constexpr (TYPES >> PER_SHAPE_SCALE & 1)
+    if constexpr (Types::has(PER_SHAPE_SCALE))
         rays.put_eight(first, origin, own, r.size.x, frame, near, reach);
     else
         rays.put_eight(first, origin, own, r.size.x,
@@ -91,7 +91,7 @@ inline void put_rays(MeshRays& rays, int first, const ShapeRecord& r, Vec3x8 p, 
 }
 
 // Clears `open` of the points that lie in the shadow of a mesh. `behind`: bits of the meshes that may shade any.
-template <int TYPES, int LENS, class List, class Shapes, class Meshes>
+template <class Types, int LENS, class List, class Shapes, class Meshes>
 inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& view, int world, const Shapes& shapes,
                                    const Meshes& meshes, const unsigned* behind, Points& points)
 {
@@ -117,7 +117,7 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                     const Vec3 point = points.point(lane);
                     const Vec3 sight = view.sight.along_of(point, float(points.left + lane % TILE_WIDTH),
                                                            float(points.top + lane / TILE_WIDTH));
-                    const Facing one = face_light<TYPES>(shapes, meshes, world, points.ids[lane], points.faces[lane],
+                    const Facing one = face_light<Types>(shapes, meshes, world, points.ids[lane], points.faces[lane],
                                                          light, view.origin, sight, point);
                     facing |= unsigned(one.front) << lane;
                 }
@@ -126,14 +126,14 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                 if (!met)
                     continue;
                 walks |= met << row * SIMD_WIDTH;
-                put_rays<TYPES>(walk, row * SIMD_WIDTH, record, points.at[row], rays_to(light, points.at[row]), near,
+                put_rays<Types>(walk, row * SIMD_WIDTH, record, points.at[row], rays_to(light, points.at[row]), near,
                                 points.reach[row]);
             }
             for (unsigned some = walks; some; some &= some - 1)
                 walk.start(ctz(some));
-            walk.template walk<SIDES_OF<TYPES, true>, true>([&](int lane, int face, float t) {
+            walk.template walk<SIDES_OF<Types, true>, true>([&](int lane, int face, float t) {
                 const Vec3 p = points.point(lane);
-                return is_there<TYPES>(meshes, record, WorldRay { p, ray_to(light, p) }.local(record), face, t);
+                return is_there<Types>(meshes, record, WorldRay { p, ray_to(light, p) }.local(record), face, t);
             });
             for (unsigned some = walks; some; some &= some - 1) {
                 const int lane = ctz(some);
@@ -144,11 +144,11 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
 }
 
 // Clears `open` of the points that lie in the shadow of a caster in the list, of those in `windows`.
-template <int TYPES, int LENS, class List, class ListWindows, class Shapes, class Meshes, class HeightFields>
+template <class Types, int LENS, class List, class ListWindows, class Shapes, class Meshes, class HeightFields>
 inline void shade_tile(const List& list, const ListWindows& windows, const ReceiverView<LENS>& view, int world,
                        const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, Points& points)
 {
-    constexpr bool HAS_MESH = TYPES >> MESH & 1;
+    constexpr bool HAS_MESH = Types::has(MESH);
     PointsAround around;
     around.add(points);
     const TileWindow tile = around.window();
@@ -175,9 +175,9 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
             switch (record.axis_x.w) {
 #define WARPCAM_CASE(TYPE)                                                                                             \
     case TYPE:                                                                                                         \
-        if constexpr ((TYPES >> TYPE & 1) != 0)                                                                        \
+        if constexpr (Types::has(TYPE))                                                                                \
             shade_points<TYPE, false>(record, aim, view.light, row, points);                                           \
-        if constexpr ((TYPES >> TYPE & 1) && (TYPES >> TRANSPARENT_CASTERS & 1))                                       \
+        if constexpr (Types::has(TYPE) && Types::has(TRANSPARENT_CASTERS))                                             \
             if (aim.w)                                                                                                 \
                 shade_points<TYPE, true>(record, aim, view.light, row, points);                                        \
         break;
@@ -191,7 +191,7 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
                 WARPCAM_CASE(BARREL)
 #undef WARPCAM_CASE
             case HEIGHT_FIELD:
-                if constexpr ((TYPES >> HEIGHT_FIELD & 1) != 0)
+                if constexpr (Types::has(HEIGHT_FIELD))
                     shade_points_by_field(fields, record, view.light, row, points);
                 break;
             default:
@@ -202,7 +202,7 @@ inline void shade_tile(const List& list, const ListWindows& windows, const Recei
     }
     if constexpr (HAS_MESH)
         if (found)
-            shade_points_by_meshes<TYPES>(list, view, world, shapes, meshes, behind, points);
+            shade_points_by_meshes<Types>(list, view, world, shapes, meshes, behind, points);
 }
 
 }  // namespace warpcam

@@ -22,14 +22,14 @@ WARPCAM_DEVICE unsigned warp_reduce_or(unsigned bits)
 }
 
 // Finds the ray's nearest hit among a leaf's faces, if it is before its hit so far.
-template <int TYPES, class Meshes, class Ray>
+template <class Types, class Meshes, class Ray>
 WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, const Ray& ray, int leaf, float near,
                               float& depth, int& shape, int& face)
 {
     const int code = -leaf - 1, first = code >> 4, end = first + (code & 15);
-    const RayFrame frame = ray.template frame<TYPES>(record);
+    const RayFrame frame = ray.template frame<Types>(record);
     const unsigned faces = as_int(record.size.z);
-    constexpr int TOGETHER = faces_together(TYPES);
+    constexpr int TOGETHER = faces_together<Types>();
     for (int begin = first; begin < end; begin += TOGETHER) {
         Float3Int corners[TOGETHER][3];
         load_faces(meshes.faces.data, faces, begin, end, corners);
@@ -38,8 +38,8 @@ WARPCAM_DEVICE void test_leaf(const ShapeRecord& record, const Meshes& meshes, c
             const int f = face_of<TOGETHER>(begin, i, end);
             const Float3Int &a = corners[i][0], &b = corners[i][1], &c = corners[i][2];
             const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                           project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-            if (t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), f, t)) {
+                                           project(frame, c.x, c.y, c.z), has_back<Types>(b.w));
+            if (t < depth && t > near && is_there<Types>(meshes, record, ray.local(record), f, t)) {
                 depth = t;
                 shape = record.axis_y.w;
                 face = f;
@@ -122,23 +122,23 @@ struct AnyPairRoom {
 };
 
 // Intersects a pair's ray with its face beyond `near` and before `depth`; MISS if there is no intersection.
-template <int TYPES, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record,
-                                                                             const Meshes& meshes, const Ray& ray,
-                                                                             int face, float near, float depth)
+template <class Types, class Meshes, class Ray> WARPCAM_DEVICE float meet_face(const ShapeRecord& record,
+                                                                               const Meshes& meshes, const Ray& ray,
+                                                                               int face, float near, float depth)
 {
     const Float3Int* rows =
         reinterpret_cast<const Float3Int*>(meshes.faces.data) + (as_int(record.size.z) + unsigned(face * FACE_ROWS));
     const Float3Int a = load(rows, 0), b = load(rows, 1), c = load(rows, 2);
-    const RayFrame frame = ray.template frame<TYPES>(record);
+    const RayFrame frame = ray.template frame<Types>(record);
     const float t = enter_triangle(frame, project(frame, a.x, a.y, a.z), project(frame, b.x, b.y, b.z),
-                                   project(frame, c.x, c.y, c.z), has_back<TYPES>(b.w));
-    return t < depth && t > near && is_there<TYPES>(meshes, record, ray.local(record), face, t) ? t : MISS;
+                                   project(frame, c.x, c.y, c.z), has_back<Types>(b.w));
+    return t < depth && t > near && is_there<Types>(meshes, record, ray.local(record), face, t) ? t : MISS;
 }
 
 // Tests the leaves of all lanes whose `node` is a leaf, of the mesh at `slot` of the list, which have so many faces
 // together; returns whether the lane's ray hits one. With `full` lanes wait again for others rather than leave most of
 // a warp idle: `node` becomes the rest of the leaf.
-template <int TYPES, class List, class Meshes, class Ray>
+template <class Types, class List, class Meshes, class Ray>
 WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
                                 int node, int faces, float near, bool full, float& depth, int& face, int& left)
 {
@@ -157,7 +157,7 @@ WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& 
         const float from_on = __shfl_sync(FULL_WARP, near, from);
         float t = MISS;
         if (window + lane < pairs.count)
-            t = meet_face<TYPES>(record, meshes, its, number, from_on, room.depth[from]);
+            t = meet_face<Types>(record, meshes, its, number, from_on, room.depth[from]);
         const bool hits = t < MISS;
         if (!__any_sync(FULL_WARP, hits))
             continue;
@@ -179,7 +179,7 @@ WARPCAM_DEVICE bool meet_leaves(PairRoom& room, const List& list, const Meshes& 
 }
 
 // Tests leaves for rays that end at any hit: few faces are hit, so their lanes ask for them one after another.
-template <int TYPES, class List, class Meshes, class Ray>
+template <class Types, class List, class Meshes, class Ray>
 WARPCAM_DEVICE bool meet_leaves(AnyPairRoom& room, const List& list, const Meshes& meshes, const Ray& ray, int slot,
                                 int node, int faces, float near, bool full, float& depth, int& face, int& left)
 {
@@ -198,7 +198,7 @@ WARPCAM_DEVICE bool meet_leaves(AnyPairRoom& room, const List& list, const Meshe
         const float from_on = __shfl_sync(FULL_WARP, near, from), until = __shfl_sync(FULL_WARP, depth, from);
         float t = MISS;
         if (window + lane < pairs.count)
-            t = meet_face<TYPES>(record, meshes, its, number, from_on, until);
+            t = meet_face<Types>(record, meshes, its, number, from_on, until);
         const unsigned hits = __ballot_sync(FULL_WARP, t < MISS);
         for (unsigned mine = hits & pairs.places(window); __any_sync(FULL_WARP, mine); mine &= mine - 1) {
             const int giver = mine ? ctz(mine) : lane;

@@ -57,15 +57,15 @@ WARPCAM_DEVICE bool may_meet_face(const CornerRays& rays, Vec3 a, Vec3 b, Vec3 c
 }
 
 // One child of a node: its box and its code.
-template <int TYPES> WARPCAM_DEVICE int child_of(const void* rows, unsigned nodes, int node, int k,
-                                                 const ShapeRecord& record, Vec3& low, Vec3& high)
+template <class Types> WARPCAM_DEVICE int child_of(const void* rows, unsigned nodes, int node, int k,
+                                                   const ShapeRecord& record, Vec3& low, Vec3& high)
 {
     const auto part = [&](unsigned row) {
         const Float3Int of_all = load(rows, row);
         return k == 0 ? of_all.x : k == 1 ? of_all.y : k == 2 ? of_all.z : as_float(of_all.w);
     };
 #if defined(__CUDA_ARCH__)
-    if (!by_child(TYPES)) {
+    if (!by_child<Types>()) {
         const unsigned first = nodes + unsigned(node * SHORT_NODE_ROWS);
         const float cell = record.size.x * BOUND_CELL;
         const auto bounds = [&](unsigned row, float& lower_bound, float& upper_bound) {
@@ -100,7 +100,7 @@ WARPCAM_DEVICE TileRays rays_of_region(const Camera& camera, const Region& regio
 
 // False if the camera is inside the mesh's box and no ray of a part of its image can meet a face of it. Meshes of which
 // that takes long to say may be seen.
-template <int TYPES, class Meshes>
+template <class Types, class Meshes>
 WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Meshes& meshes, const TileRays& part)
 {
     const Float3Int o = record.origin;
@@ -114,7 +114,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
 #pragma unroll 1
         for (int k = 0; k < 4; ++k) {
             Vec3 low, high;
-            const int child = child_of<TYPES>(meshes.nodes.data, nodes, node, k, record, low, high);
+            const int child = child_of<Types>(meshes.nodes.data, nodes, node, k, record, low, high);
             if (child == 0 || !may_meet_box(record, low, high, part))  // the root is nobody's child
                 continue;
             if (child > 0) {
@@ -130,7 +130,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
                 load_faces<1>(meshes.faces.data, faces, face, end, corners);
                 const Vec3 from { o.x, o.y, o.z };
                 if (may_meet_face(rays, as_vec3(corners[0][0]) - from, as_vec3(corners[0][1]) - from,
-                                  as_vec3(corners[0][2]) - from, has_back<TYPES>(corners[0][1].w)))
+                                  as_vec3(corners[0][2]) - from, has_back<Types>(corners[0][1].w)))
                     return true;
             }
         }
@@ -142,11 +142,11 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
 }
 
 // Removes such meshes from all tiles of the region.
-template <int TYPES, class List, class Meshes>
+template <class Types, class List, class Meshes>
 WARPCAM_DEVICE void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
 {
     for (int slot = thread; slot < list.count; slot += THREADS)  // as sort_by_depth() goes on from here
-        if (is_mesh<TYPES>(list.records[slot]) && !may_be_seen_from_inside<TYPES>(list.records[slot], meshes, region))
+        if (is_mesh<Types>(list.records[slot]) && !may_be_seen_from_inside<Types>(list.records[slot], meshes, region))
             list.touched[slot] = { 1, 1, 0, 0 };
 }
 

@@ -57,7 +57,7 @@ template <> struct PendingOf<true> {
 constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
-template <int TYPES, int LENS, int CAPACITY, int WORDS, class Meshes>
+template <class Types, int LENS, int CAPACITY, int WORDS, class Meshes>
 WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
                              const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
 {
@@ -68,7 +68,7 @@ WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& l
     for (int word = 0; word < words; ++word) {
         const int rank = word * WARP_SIZE + lane;
         const bool mine =
-            rank < list.count && list.tiles[rank].touches(steps) && is_mesh<TYPES>(list.records[list.order[rank]]);
+            rank < list.count && list.tiles[rank].touches(steps) && is_mesh<Types>(list.records[list.order[rank]]);
         unsigned mask = __ballot_sync(FULL_WARP, mine);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
             const TileRays tile = rays_of_tile(ray);
@@ -95,7 +95,7 @@ WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& l
 
 // Traces all rays that `next_tile` finds (see Supply) and stores what they hit: store(pixel, hit). `ray_of(pixel)` is a
 // pixel's ray. `list` has the shapes that they meet: see ShapeList.
-template <int TYPES, class Rays, class List, class Meshes, class NextTile, class RayOf, class Store>
+template <class Types, class Rays, class List, class Meshes, class NextTile, class RayOf, class Store>
 WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshes, float near,
                                const NextTile& next_tile, const RayOf& ray_of, const Store& store)
 {
@@ -107,7 +107,7 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
     unsigned left = 0, nodes = 0;
     float depth = 0.0f;
     auto ray = ray_of(0);
-    NodeRay<by_child(TYPES)> boxes {};
+    NodeRay<by_child<Types>()> boxes {};
     PendingWork supply { 0, 0, true };
     const auto take = [&](int waiting) {
         pixel = rays.pixel[waiting];
@@ -167,7 +167,7 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
             if (inner) {
                 float enter[4], leave[4], best = MISS;
                 int child[4];
-                boxes.test(node_rows<TYPES>(meshes, nodes, node), near, depth, enter, leave, child);
+                boxes.test(node_rows<Types>(meshes, nodes, node), near, depth, enter, leave, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
@@ -200,14 +200,14 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
             int left_of_leaf = NO_NODE;
             bool ends = false;
             if constexpr (Rays::PAIRED)
-                if (meet_leaves<TYPES>(rays.room, list, meshes, ray, slot, node, faces, near, stepping != 0, depth,
+                if (meet_leaves<Types>(rays.room, list, meshes, ray, slot, node, faces, near, stepping != 0, depth,
                                        face, left_of_leaf)) {
                     shape = list.records[slot].axis_y.w;
                     ends = Rays::ANY;
                 }
             if (node < 0) {
                 if constexpr (!Rays::PAIRED)
-                    test_leaf<TYPES>(list.records[slot], meshes, ray, node, near, depth, shape, face);
+                    test_leaf<Types>(list.records[slot], meshes, ray, node, near, depth, shape, face);
                 node = left_of_leaf;  // also of a ray that ends: or what it hits would hang on the other lanes
                 height = ends ? 0 : height;
                 last = ends ? NO_NODE : last;

@@ -19,10 +19,10 @@ template <int HITS_NAME_SLOTS> struct NormalCache {
     WARPCAM_DEVICE void begin() { rows[0] = { 0.0f, 0.0f, 0.0f, -1 }; }
 
     // For the thread that has a slot's record.
-    template <int TYPES> WARPCAM_DEVICE void note(int slot, const ShapeRecord& record, int id, const Camera& camera)
+    template <class Types> WARPCAM_DEVICE void note(int slot, const ShapeRecord& record, int id, const Camera& camera)
     {
         Float3Int row { NORMAL_VARIES, 0.0f, 0.0f, id };
-        if ((TYPES >> PLANE & 1) && record.axis_x.w == PLANE) {
+        if (Types::has(PLANE) && record.axis_x.w == PLANE) {
             const Vec3 n = transform(camera.rotation, normalized(as_vec3(record.axis_z)));
             row = make_float3_int(n, id);
             if (is_endless(record)) {

@@ -28,9 +28,9 @@ enum Output {
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it
 // besides the rays is then paid once. Small regions have too few of them. kernels/plan/trace.py has the same.
-constexpr int tiles_at_once(int types, int width, int height)
+template <class Types> constexpr int tiles_at_once(int width, int height)
 {
-    const bool quick = !(types >> MESH & 1) && !(types >> HEIGHT_FIELD & 1);
+    const bool quick = !Types::has_any(MESH, HEIGHT_FIELD);
     return quick && width * height >= 32 * 32 ? 2 : 1;
 }
 
@@ -55,12 +55,12 @@ constexpr int parts_of(int outputs, int width, int height)
 constexpr bool names_slots(int outputs) { return outputs & (NORMAL | TRACE_ALBEDO); }
 
 // True if a block tests a plane as a whole against the previous image.
-constexpr bool looks_at_floors(int types, int lens, int outputs, int shapes, int width, int height)
+template <class Types> constexpr bool looks_at_floors(int lens, int outputs, int shapes, int width, int height)
 {
     const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | NO_PARTIAL_TILES | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
     const bool parts =
-        width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once(types, width, height) == 2;
-    return (outputs & needs) == needs && !names_slots(outputs) && parts && (types >> PLANE & 1) && !(types >> MESH & 1)
+        width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once<Types>(width, height) == 2;
+    return (outputs & needs) == needs && !names_slots(outputs) && parts && Types::has(PLANE) && !Types::has(MESH)
            && lens == PINHOLE && shapes <= WARP_SIZE;
 }
 

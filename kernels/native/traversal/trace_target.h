@@ -12,7 +12,7 @@
 namespace warpcam {
 
 // Pixel (i, j) is column i and row j of the image.
-template <int TYPES, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_>
+template <class Types, int LENS, int OUTPUTS, class List, int TALL_, class Target, class Shapes, class Places_>
 struct TraceTarget {
     static constexpr int CAPACITY = List::SIZE;
     static constexpr int TILES_PER_WARP = TALL_;  // tiles at once
@@ -38,11 +38,11 @@ struct TraceTarget {
         OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | TRACE_ALBEDO);
     // The motions of few shapes: one warp composes them while the others begin to draw.
     static constexpr bool APART = !(OUTPUTS & LISTED_AHEAD) && (OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED)
-                                  && CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1);
+                                  && CAPACITY <= WARP_SIZE && !(Types::has(MESH));
 
     // True if tiles that show nothing but an infinite plane are written without a trace: see
     // traversal/infinite_plane.h.
-    static constexpr bool BARE_FLOORS = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE && (TYPES >> PLANE & 1)
+    static constexpr bool BARE_FLOORS = THREADS > 1 && TILES_PER_WARP > 1 && LENS == PINHOLE&& Types::has(PLANE)
                                         && (OUTPUTS & NO_PARTIAL_TILES) && !((OUTPUTS & FLOWS) && names_slots(OUTPUTS));
     static constexpr bool PUTS_BARE = BARE_FLOORS && !(OUTPUTS & FLOWS);
     // Whole rows of two stacks of such tiles beside each other are written where listed shapes are few, but for these.
@@ -78,7 +78,7 @@ struct TraceTarget {
     WARPCAM_DEVICE void begin(int thread) const
     {
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
-            compose_motions<OUTPUTS, TYPES, LENS>(target.trail, shapes, camera, places.then, world,
+            compose_motions<OUTPUTS, Types, LENS>(target.trail, shapes, camera, places.then, world,
                                                   target.trail.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
     }
@@ -135,7 +135,7 @@ struct TraceTarget {
                 facings.begin();
             for (int slot = thread - 1; slot < list.count; slot += threads)
                 if (slot >= 0)
-                    facings.template note<TYPES>(slot, list.records[slot], list.ids[slot], camera);
+                    facings.template note<Types>(slot, list.records[slot], list.ids[slot], camera);
         }
 #endif
         if constexpr (Places_::PAINTS)
@@ -205,7 +205,7 @@ struct TraceTarget {
         if constexpr ((WHAT & NORMAL) != 0)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
-            put_flow<TYPES, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face },
+            put_flow<Types, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face },
                                         world, i, j, k * TILE_HEIGHT, pixel);
     }
 
@@ -238,16 +238,16 @@ struct TraceTarget {
     WARPCAM_DEVICE Vec3 normal_of(const Hit& hit, const CameraRay<LENS>& seen) const
     {
 #if defined(__CUDA_ARCH__)
-        constexpr int BENDING = TYPES & ~(1 << PLANE);
+        using Bending = SceneTypes<Types::GEOMETRY & ~(1 << PLANE), Types::FEATURES>;
         const Float3Int row = facings.rows[hit.shape + 1];
         if (row.x != NORMAL_VARIES)
             return as_vec3(row);
 #else
-        constexpr int BENDING = TYPES;
+        using Bending = Types;
         if (hit.shape < 0)
             return { 0.0f, 0.0f, 0.0f };
 #endif
-        return transform(camera.rotation, normalized(gradient<BENDING>(list.records[hit.shape], seen, hit.depth)));
+        return transform(camera.rotation, normalized(gradient<Bending>(list.records[hit.shape], seen, hit.depth)));
     }
 
 #if defined(__CUDA_ARCH__)

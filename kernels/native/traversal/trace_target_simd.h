@@ -32,8 +32,8 @@ inline void put_tile(const Canvas_& canvas, int left, int top, bool first_pass, 
 }
 
 // True if all of the tile was made ready, false if it is to be done ray by ray.
-template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
-inline bool start_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
+template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline bool start_whole(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
                         int left, int top, Rays& rays)
 {
     if (has_table(LENS) || (OUTPUTS & FLOW_VALID) || !canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
@@ -51,8 +51,8 @@ inline bool start_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_
 }
 
 // Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
-template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
-inline void put_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
+template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline void put_whole(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
                       int left, int top, const Rays& rays)
 {
     constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
@@ -79,24 +79,24 @@ inline void put_whole(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WA
                                                     { rays.depth[lane], rays.shape[lane], rays.face[lane] });
 }
 
-template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_,
+template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_,
           class Near>
-inline void start_tile(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
+inline void start_tile(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
                        int left, int top, bool first_pass, Near& near, Rays& rays)
 {
     if (!first_pass || !start_whole(canvas, left, top, rays))
-        start_tile<TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>, Near>(
+        start_tile<TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>, Near>(
             canvas, left, top, first_pass, near, rays);
 }
 
-template <int TYPES, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
-inline void put_tile(const TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
+template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
+inline void put_tile(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
                      int left, int top, bool first_pass, const Rays& rays)
 {
     if (first_pass && canvas.inside(left + TILE_WIDTH - 1, top + TILE_HEIGHT - 1))
         put_whole(canvas, left, top, rays);
     else
-        put_tile<TraceTarget<TYPES, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>>(canvas, left, top,
+        put_tile<TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>>(canvas, left, top,
                                                                                                    first_pass, rays);
 }
 

@@ -69,24 +69,24 @@ WARPCAM_DEVICE unsigned find_meshes(unsigned mask, const ShapeRecord* records, c
 }
 
 // Bit mask of the ranks, of WARP_SIZE from `begin` on, that overlap a tile, without meshes. By a whole warp.
-template <int TYPES, class List> WARPCAM_DEVICE unsigned touching(const List& list, int begin, unsigned steps)
+template <class Types, class List> WARPCAM_DEVICE unsigned touching(const List& list, int begin, unsigned steps)
 {
     const int rank = begin + threadIdx.x % WARP_SIZE;
-    return __ballot_sync(FULL_WARP, list.tiles[rank].touches(steps) && !is_mesh<TYPES>(list.at_rank(rank)));
+    return __ballot_sync(FULL_WARP, list.tiles[rank].touches(steps) && !is_mesh<Types>(list.at_rank(rank)));
 }
 
 // True if a rank beyond the first WARP_SIZE overlaps a tile.
-template <int TYPES, class List> WARPCAM_DEVICE bool touching_more(const List& list, unsigned steps)
+template <class Types, class List> WARPCAM_DEVICE bool touching_more(const List& list, unsigned steps)
 {
     for (int begin = WARP_SIZE; List::SIZE > WARP_SIZE && begin < list.count; begin += WARP_SIZE)
-        if (touching<TYPES>(list, begin, steps))
+        if (touching<Types>(list, begin, steps))
             return true;
     return false;
 }
 
 // The nearest of all shapes but meshes, of TILES_PER_WARP tiles one below the other; of each a lane has a ray. `mask`:
 // touching().
-template <int TYPES, int TILES_PER_WARP, class Ray_, class List, class HeightFields>
+template <class Types, int TILES_PER_WARP, class Ray_, class List, class HeightFields>
 WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TILES_PER_WARP],
                                 float near, const HeightFields& fields, Hit (&hits)[TILES_PER_WARP])
 {
@@ -99,7 +99,7 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
                 farthest = max(farthest, hits[k].depth);
             if (!__any_sync(FULL_WARP, as_float(record.size.w) < farthest))
                 return;  // every lane has hits nearer than all that follows
-            if ((TYPES >> HEIGHT_FIELD & 1) && record.axis_x.w == HEIGHT_FIELD) {
+            if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD) {
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     walk_height_field(fields, record, rays[k], near_of(rays[k], near), hits[k]);
                 __syncwarp();
@@ -108,8 +108,8 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     local[k] = rays[k].local(record);
                 float t[TILES_PER_WARP];
-                intersect_known<analytic_types(TYPES), TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX,
-                                CONE, BARREL>(record, local, t);
+                intersect_known<Types::ANALYTIC, TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE,
+                                BARREL>(record, local, t);
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
                         hits[k].depth = t[k];
@@ -120,7 +120,7 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
         begin += WARP_SIZE;
         if (List::SIZE <= WARP_SIZE || begin >= list.count)
             return;
-        mask = touching<TYPES>(list, begin, steps);
+        mask = touching<Types>(list, begin, steps);
     }
 }
 
@@ -224,13 +224,13 @@ inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
 }
 
 // Any shape but a mesh.
-template <int TYPES, int LENS, class Near, class HeightFields>
+template <class Types, int LENS, class Near, class HeightFields>
 inline void trace_record(const ShapeRecord& record, const Near& near, const HeightFields& fields, Rays& rays)
 {
     switch (record.axis_x.w) {
 #define WARPCAM_CASE(TYPE)                                                                                             \
     case TYPE:                                                                                                         \
-        if (TYPES >> TYPE & 1)                                                                                         \
+        if (Types::has(TYPE))                                                                                          \
             trace_shape<TYPE, LENS>(record, near, rays);                                                               \
         break;
         WARPCAM_CASE(PLANE)
@@ -243,13 +243,13 @@ inline void trace_record(const ShapeRecord& record, const Near& near, const Heig
         WARPCAM_CASE(BARREL)
 #undef WARPCAM_CASE
     case HEIGHT_FIELD:
-        if (TYPES >> HEIGHT_FIELD & 1)
+        if (Types::has(HEIGHT_FIELD))
             trace_height_field<LENS>(fields, record, near, rays);
         break;
     }
 }
 
-template <int TYPES, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>
+template <class Types, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>
 inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>& row, int column, const Near& near,
                        const Meshes& meshes, const HeightFields& fields, Rays& rays)
 {
@@ -268,15 +268,15 @@ inline void trace_tile(const ShapeList<CAPACITY>& list, const TileRow<CAPACITY>&
                 behind[meshes_behind++] = static_cast<typename ShapeList<CAPACITY>::Slot>(slot);
                 continue;
             }
-            trace_record<TYPES, LENS>(record, near, fields, rays);
+            trace_record<Types, LENS>(record, near, fields, rays);
             farthest = farthest_of(rays);
         }
-    if (TYPES >> MESH & 1)
+    if (Types::has(MESH))
         for (int i = 0; i < meshes_behind; ++i) {
             const ShapeRecord& record = list.records[behind[i]];
             if (as_float(record.size.w) >= farthest_of(rays))
                 break;
-            trace_mesh<TYPES, LENS>(meshes, record, near, rays);
+            trace_mesh<Types, LENS>(meshes, record, near, rays);
         }
 }
 

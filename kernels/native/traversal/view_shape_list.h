@@ -105,7 +105,7 @@ WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int 
 // Lists the shapes of some worlds, at most WARP_SIZE, by a block that has a thread for each of their shapes: that of one of
 // these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is known of
 // the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
-template <int TYPES, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
           class HeightFields, class Trail, class Lists, class Faults>
 WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
                                 const Meshes& meshes, const HeightFields& fields, const Trail& trail,
@@ -115,7 +115,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0,
                    HITS_NAME_SLOTS = names_slots(WANTED);
     using Far = PackedShapeList<CAPACITY, HITS_NAME_SLOTS>;
-    static_assert(!(TYPES >> MESH & 1) && !(TYPES >> HEIGHT_FIELD & 1));
+    static_assert(!Types::has(MESH) && !Types::has(HEIGHT_FIELD));
     WARPCAM_SHARED Camera cameras[WARP_SIZE];
     WARPCAM_SHARED int states[WARP_SIZE], counts[WARP_SIZE], broken[WARP_SIZE], keys[LIST_BLOCK_THREADS];
     constexpr int NONE = 0x7ffffffe;  // of what is not seen
@@ -147,7 +147,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     ShapeRecord record;
     Visible found = HIDDEN;
     if (!FLOWING && drawn)
-        found = find_form<TYPES>(made, meshes, fields, form, record);
+        found = find_form<Types>(made, meshes, fields, form, record);
     block_sync();
     const int at = mine ? slot : 0;
     state = mine ? states[at] : 0;
@@ -167,11 +167,11 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     int key = NONE;
     if (drawn && state != 0 && abs(camera.origin.x) < MISS) {
         if (FLOWING)
-            found = find_form<TYPES>(made, meshes, fields, form, record);
+            found = find_form<Types>(made, meshes, fields, form, record);
         if (found == BROKEN)
             broken[at] = 1;
         if (found == SEEN && listed
-            && place<TYPES, LENS, true, 4>(made, form, camera, { 0, 0, width, height }, record, tiles) == SEEN) {
+            && place<Types, LENS, true, 4>(made, form, camera, { 0, 0, width, height }, record, tiles) == SEEN) {
             key = record.size.w & 0x7fffffff;
             atomicAdd(&counts[at], 1);
         }
@@ -196,7 +196,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     if (seen) {
         if constexpr (HITS_NAME_SLOTS) {
             record.axis_y.w = rank;
-            list.facings.template note<TYPES>(rank, record, shape, camera);
+            list.facings.template note<Types>(rank, record, shape, camera);
         }
         far.put(rank, record);
         if (rank == 0) {
@@ -218,8 +218,8 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
         compose_motion<false, DEPTHS>(trail, pose_before(before, columns), pose, kind, state, camera,
-                                      cameras_then()[at].camera, LENS == PINHOLE, (TYPES >> PER_SHAPE_SCALE & 1) != 0,
-                                      brief, reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
+                                      cameras_then()[at].camera, LENS == PINHOLE, Types::has(PER_SHAPE_SCALE), brief,
+                                      reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
 }
 
 #endif

@@ -14,7 +14,7 @@ namespace warpcam {
 // Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
 // own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the
 // shape is left out.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
+template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
                                const HeightFields& fields, const Hidden& hidden, const Camera& camera,
@@ -24,7 +24,7 @@ WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shape
     TileRect tiles;
     const int id = wp::index(shapes.drawn, place);
     const Visible seen =
-        setup_shape<TYPES, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
+        setup_shape<Types, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
     if (seen == BROKEN)
         list.broken = 1;
     if (seen == SEEN && !hidden(id)) {
@@ -45,7 +45,7 @@ constexpr int FEW_SHAPES = 64;  // that are looked at one by one
 #endif
 
 // Fills the list with shapes from `begin` on until it is full; returns where to go on. ALONE: by one warp.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes,
+template <class Types, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes,
           class HeightFields, class Hidden>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes,
                                                          const Meshes& meshes, const HeightFields& fields,
@@ -58,7 +58,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
         for (; begin < total && list.count + SIMD_WIDTH <= CAPACITY; begin += SIMD_WIDTH)
             for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region); some;
                  some &= some - 1)
-                list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden,
+                list_shape<Types, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden,
                                                          camera, region, world);
         return min(begin, total);
     }
@@ -67,7 +67,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
         const int i = begin + thread;
         begin += THREADS;
         if (i < total)
-            list_shape<TYPES, LENS, HITS_NAME_SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
+            list_shape<Types, LENS, HITS_NAME_SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
         // The next round may overflow the list. One warp never has so many, but the compiler spills less with this than
         // without.
         if (total > CAPACITY) {
@@ -88,12 +88,12 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
 #if defined(__CUDA_ARCH__)
 
 // Draws the tiles of a region against the list, a warp TILES_PER_WARP of them at once, one below the other.
-template <int TYPES, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
+template <class Types, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
 WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes, const HeightFields& fields,
                                bool first_pass)
 {
     constexpr int TILES_PER_WARP = Canvas_::TILES_PER_WARP;
-    constexpr bool HAS_MESH = TYPES >> MESH & 1, HAS_THREES = Canvas_::VECTOR_OUTPUTS != 0;
+    constexpr bool HAS_MESH = Types::has(MESH), HAS_THREES = Canvas_::VECTOR_OUTPUTS != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::SIZE : 1>::type rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
     WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
     int lane = threadIdx.x % WARP_SIZE;
@@ -132,21 +132,21 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
             hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
         }
         const unsigned steps = PackedTileRect::steps(column, row, 1, TILES_PER_WARP);
-        unsigned mask = touching<TYPES>(list, 0, steps);
+        unsigned mask = touching<Types>(list, 0, steps);
         if constexpr (Canvas_::BARE_FLOORS)
             if (first_pass && (mask & list.floor.bit) && list.floor.test(ray, hit)) {
                 mask ^= list.floor.bit;
-                if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<TYPES>(list, steps)) {
+                if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<Types>(list, steps)) {
                     canvas.write_plane_tile(i, j, ray, hit, row_of_lanes);
                     return;
                 }
             }
-        trace_tiles<TYPES>(list, steps, mask, ray, near, fields, hit);
+        trace_tiles<Types>(list, steps, mask, ray, near, fields, hit);
         trace_meshes();
         if (!canvas.write_seen_plane(i, j, hit, lane))
             canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
-            found = find_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
+            found = find_rays<Types>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
                                      meshes, hit[0].depth);
     };
     const auto next_tile = [&](int& found) {
@@ -159,7 +159,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         if constexpr (TILE_COLUMNS_PER_WARP > 1) {
             const unsigned bare = list.floor.bit;
             if (bare != 0u
-                && touching<TYPES>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP))
+                && touching<Types>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP))
                        == bare
                 && canvas.write_plane_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
                 return true;
@@ -174,7 +174,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         const auto store = [&](int pixel, const Hit& hit) {
             canvas.write_hit(region.left + pixel % 64, region.top + pixel / 64, hit, false);
         };
-        trace_rays<TYPES>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
+        trace_rays<Types>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
     } else {
         int none;
         while (next_tile(none)) {
@@ -185,13 +185,13 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
 
 // Draws a region of few shapes, whose motions the last warp composes meanwhile: the first warp lists and sorts shapes,
 // the others start to draw when it has, and wait for the motions before they write the first flow.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
+template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
           class HeightFields, class Hidden>
 WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
                                const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
                                int thread, bool blind)
 {
-    static_assert(CAPACITY <= WARP_SIZE && !(TYPES >> MESH & 1));
+    static_assert(CAPACITY <= WARP_SIZE && !Types::has(MESH));
     if (thread >= THREADS - WARP_SIZE) {
         canvas.begin(thread);
         canvas.ready();
@@ -202,7 +202,7 @@ WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas,
     } else {
         if (thread < WARP_SIZE) {
             if (!blind)
-                build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden,
+                build_shape_list<Types, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden,
                                                                      canvas.camera, canvas.region, world, thread);
             if (thread == 0 && list.broken) {  // nothing of this world can be trusted
                 list.count = 0;
@@ -218,13 +218,13 @@ WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas,
         named_barrier_sync<FIRST_WARPS, THREADS - WARP_SIZE>();
         named_barrier_arrive<SHAPES_SORTED, THREADS>();
     }
-    draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, true);
+    draw_tiles<Types, LENS>(list, canvas, meshes, fields, true);
 }
 
 #else
 
 // Draws the tiles of a region against the list.
-template <int TYPES, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
+template <class Types, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
 inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
                        const HeightFields& fields, bool first_pass)
 {
@@ -237,7 +237,7 @@ inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const M
             Rays rays;
             NearOf<decltype(canvas.ray(0, 0))> near { canvas.camera.near };
             start_tile(canvas, left, top, first_pass, near, rays);
-            trace_tile<TYPES, LENS>(list, picked, column, near, meshes, fields, rays);
+            trace_tile<Types, LENS>(list, picked, column, near, meshes, fields, rays);
             put_tile(canvas, left, top, first_pass, rays);
         }
     }
@@ -259,7 +259,7 @@ template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list
 // Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
 // shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
 // late(): what may wait until shapes are listed, and needs no other threads.
-template <int TYPES, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes,
+template <class Types, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes,
           class Meshes, class HeightFields, class Hidden, class Late>
 WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
                                 const Meshes& meshes, const HeightFields& fields, const Hidden& hidden,
@@ -268,7 +268,7 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
     const bool blind = !(abs(canvas.camera.origin.x) < MISS);
 #if defined(__CUDA_ARCH__)
     if constexpr (Canvas_::APART)
-        return draw_apart<TYPES, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread,
+        return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread,
                                                         blind);
 #endif
     const int total = blind ? 0 : shapes.drawn.shape[0];
@@ -284,7 +284,7 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
         }
         canvas.begin(thread);
         if (!blind)
-            begin = build_shape_list<TYPES, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden,
+            begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden,
                                                                           canvas.camera, canvas.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_sync();
@@ -296,14 +296,14 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
             first = true;
             block_sync();
         }
-        if constexpr ((TYPES >> MESH & 1) && LENS == PINHOLE)
-            leave_out_housings<TYPES>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
+        if constexpr (Types::has(MESH) && LENS == PINHOLE)
+            leave_out_housings<Types>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
         canvas.ready();
         sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
         canvas.face(thread, THREADS);
         block_sync();
         late();
-        draw_tiles<TYPES, LENS>(list, canvas, meshes, fields, !MULTIPASS || first);
+        draw_tiles<Types, LENS>(list, canvas, meshes, fields, !MULTIPASS || first);
         first = false;
         block_sync();
     } while (MULTIPASS && begin < total);
@@ -321,14 +321,14 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceSh
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // MULTIPASS: depth and shape are always written. With OPAQUE outputs shapes that are transparent are left out.
 // Near: Places, or what else the block keeps for its images.
-template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Near,
+template <class Types, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Near,
           class Shapes, class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                               const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
+    static_assert(!names_slots(OUTPUTS) || (Types::ANALYTIC == Types::GEOMETRY && Types::FEATURES == 0));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Canvas_ = TraceTarget<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target,
+    using Canvas_ = TraceTarget<Types, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once<Types>(WIDTH, HEIGHT), Target,
                                 Shapes, Near>;
     using Room = TraceShared<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
     WARPCAM_SHARED Room shared;
@@ -340,7 +340,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     int world = warp_uniform(index / THREADS);
     Region region { 0, 0, WIDTH, HEIGHT };
     if constexpr (!(OUTPUTS & FLOW_WHOLE)) {
-        region = region_of<WIDTH, HEIGHT, (TYPES >> MIDDLE_FIRST & 1) != 0>(target, world, world);
+        region = region_of<WIDTH, HEIGHT, Types::has(MIDDLE_FIRST)>(target, world, world);
         world = warp_uniform(world);
         region = { warp_uniform(region.left), warp_uniform(region.top), warp_uniform(region.width),
                    warp_uniform(region.height) };
@@ -369,12 +369,12 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
                            world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid<(TYPES >> ALPHA_TESTED & 1) != 0>(shapes, materials, target.veil_places, world, id);
+            return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.veil_places, world, id);
         else
             return transparent(shapes, materials, world, id);
     };
     const auto draw = [&](const auto& late) {
-        draw_region<TYPES, LENS, names_slots(OUTPUTS), MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, late,
+        draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, late,
                                                                   world, thread);
     };
     if constexpr (Near::PAINTS) {
@@ -387,14 +387,14 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     }
 }
 
-template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+template <class Types, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                          const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
-                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    draw_with<TYPES, LENS, CAPACITY, MULTIPASS, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views,
+                                 looks_at_floors<Types>(LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
+    draw_with<Types, LENS, CAPACITY, MULTIPASS, WIDTH, HEIGHT, OUTPUTS, Near>(shapes, materials, meshes, fields, views,
                                                                               target, index);
 }
 

@@ -15,7 +15,7 @@ template <class List, int LINES, class Places_> struct ListedRoom {
 };
 
 // Draws as draw() does, a whole image by one or several blocks.
-template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
+template <class Types, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIGHT, int OUTPUTS, class Shapes,
           class Materials, class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Meshes& meshes,
                                 const HeightFields& fields, const Views&, const Target& target, int index)
@@ -24,8 +24,8 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using List = ViewShapeList<CAPACITY, names_slots(OUTPUTS)>;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
-                                 looks_at_floors(TYPES, LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    using Canvas_ = TraceTarget<TYPES, LENS, OUTPUTS, List, tiles_at_once(TYPES, WIDTH, HEIGHT), Target, Shapes, Near>;
+                                 looks_at_floors<Types>(LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
+    using Canvas_ = TraceTarget<Types, LENS, OUTPUTS, List, tiles_at_once<Types>(WIDTH, HEIGHT), Target, Shapes, Near>;
     using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = keep_shared_address(shared);
@@ -76,7 +76,7 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     await_rows();
     block_sync();
     canvas.template look_at_floor<THREADS>(thread);
-    draw_tiles<TYPES, LENS>(room.list, canvas, meshes, fields, true);
+    draw_tiles<Types, LENS>(room.list, canvas, meshes, fields, true);
 }
 
 #endif
