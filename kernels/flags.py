@@ -90,7 +90,7 @@ class TraceFlag(IntFlag):
     FLOW = 1 << 24
     FLOW_VALID = 1 << 25
     FLOW_MOVES = 1 << 26  # some meshes move
-    FLOW_BRIEF = 1 << 27  # the history has 16 bits a pixel
+    FLOW_COMPACT = 1 << 27  # the history has 16 bits a pixel
     FLOW_LISTED = 1 << 28  # motions are composed by the trace or by the stage of views
     FLOW_WHOLE = 1 << 29  # a block draws a whole image
     FLOW_NEAR = 1 << 30  # shared memory has room for the previous words

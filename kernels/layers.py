@@ -37,7 +37,7 @@ class LayerTables:
         mirrors: int32, ids of the shapes that may reflect, ascending.
         reflectance: float32, (material,).
         transparent_shapes: int32, ids of the shapes that may be transparent, ascending.
-        transparent_index: int32, (shape,) where it stands in ``veils``, or -1.
+        transparent_index: int32, (shape,) where it stands in ``transparent_shapes``, or -1.
         reach: float32, (shape,) radius of a sphere around its position that holds it [m]; infinite for planes,
             negative where it follows from type and size.
         haze: Haze, or None.

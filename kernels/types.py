@@ -108,7 +108,7 @@ class Meshes:
     has_uvs: wp.array(dtype=wp.int32)
     # (mesh * 128,) boxes that stop light and an outline, see native/shadow/occluder_boxes.h; empty where shadows do not
     # need them
-    shutters: wp.array(dtype=wp.vec4)
+    occluder_boxes: wp.array(dtype=wp.vec4)
     # Only where ALPHA_TESTED is among the scene's flags. (mesh,) as int bits first texel, width and height of the map
     # of its opacity, in red, or zeros; least opacity at which it is there
     masks: wp.array(dtype=wp.vec4)

@@ -34,7 +34,7 @@ def kernel() -> wp.Kernel:
         grid_stride=False,
         module_options=native_module("build/occluder_builder.h"),
     )
-    def shutters(
+    def find_boxes(
         meshes: Meshes,
         open: wp.array(dtype=wp.uint8),
         owners: wp.array(dtype=wp.int32),
@@ -46,7 +46,7 @@ def kernel() -> wp.Kernel:
         i, k = wp.tid()
         worths[i, k] = find(meshes, open, owners[i], faces[i], ways[i, k], i, rows)
 
-    return shutters
+    return find_boxes
 
 
 def build_occluder_boxes(

@@ -37,7 +37,7 @@ def closest_hit_kernel(header: str, function: str, blocks: int, target_type: Any
         launch_bounds=(THREADS, blocks),
         module_options=native_module(header),
     )
-    def closest_hit(
+    def visibility(
         shapes: Shapes,
         materials: Materials,
         meshes: Meshes,
@@ -48,4 +48,4 @@ def closest_hit_kernel(header: str, function: str, blocks: int, target_type: Any
     ):
         draw(shapes, materials, meshes, fields, views, target, first + wp.tid())
 
-    return closest_hit
+    return visibility

@@ -27,12 +27,12 @@ class FlowHistory:
     flow_valid: wp.array(dtype=wp.uint8)  # (pixel,) may be empty
     # (word / 2 or word,) what was seen, and in the other what is seen, 16 or 32 bits a pixel; see
     # native/flow/optical_flow.h
-    kept_first: wp.array(dtype=wp.uint32)
-    kept_second: wp.array(dtype=wp.uint32)
+    first_words: wp.array(dtype=wp.uint32)
+    second_words: wp.array(dtype=wp.uint32)
     # (part,) of images whose blocks look at floors: native/flow/plane_history.h
     floor_first: wp.array(dtype=wp.uint8)
     floor_second: wp.array(dtype=wp.uint8)
-    known: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
+    frame_state: wp.array(dtype=wp.uint8)  # (world,) which of these two has what was seen, or NEW: see views.py
     # (world, ROWS or MOVING_ROWS of each shape; of cameras whose shapes are listed the first row of all shapes, the
     # second, ...). Three rows take what pixel (column, row) sees to where it was: column,
     # row and 1 times the planar depth then, or for parallel rays column, row, depth. Each is
@@ -40,7 +40,7 @@ class FlowHistory:
     # depth then and what is added to it [m], and nothing nearer than that may have been seen there; nearest planar
     # depth then [m]; as int bits twice the first corner of a mesh that moves, or -2, and 1 more where the three rows
     # lead to the same pixel. Three more: what a shift in the own frame of such a mesh adds to the first three. Of a
-    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Where words are brief
+    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Where words are compact
     # the fourth has: part and shift in the steps that the depth then was counted in, the shift with TO_WHOLE added;
     # nearest depth, or -1 where the rows lead to the same pixel; how many steps a metre of the depth now has.
     motions: wp.array2d(dtype=wp.vec4)
@@ -60,15 +60,15 @@ class FlowHistory:
     height: wp.int32
 
 
-@wp.func_native("warpcam::write_motion(shapes, views, mask, trail, pinhole, scaled, brief, keep, moves, index);")
+@wp.func_native("warpcam::write_motion(shapes, views, mask, history, pinhole, scaled, compact, keep, moves, index);")
 def write_motion(
     shapes: Shapes,
     views: wp.array(dtype=View),
     mask: wp.array(dtype=wp.uint8),
-    trail: FlowHistory,
+    history: FlowHistory,
     pinhole: int,
     scaled: int,
-    brief: int,
+    compact: int,
     keep: int,
     moves: int,
     index: int,
@@ -80,15 +80,15 @@ def write_motions(
     shapes: Shapes,
     views: wp.array(dtype=View),
     mask: wp.array(dtype=wp.uint8),
-    trail: FlowHistory,
+    history: FlowHistory,
     pinhole: wp.int32,
     scaled: wp.int32,
-    brief: wp.int32,
+    compact: wp.int32,
     keep: wp.int32,
     moves: wp.int32,
     first: wp.int32,
 ):
-    write_motion(shapes, views, mask, trail, pinhole, scaled, brief, keep, moves, first + wp.tid())
+    write_motion(shapes, views, mask, history, pinhole, scaled, compact, keep, moves, first + wp.tid())
 
 
 @wp.kernel(enable_backward=False)
@@ -99,7 +99,7 @@ def reset_history(known: wp.array(dtype=wp.uint8), mask: wp.array(dtype=wp.uint8
 
 
 def bind_motions(
-    tables: SceneTables, views: wp.array, mask: wp.array, lens: str, keep: bool, trail: Any, device: wp.Device
+    tables: SceneTables, views: wp.array, mask: wp.array, lens: str, keep: bool, history: Any, device: wp.Device
 ) -> Stage:
     """Bind the stage that composes how shapes have moved in one camera's image.
 
@@ -109,7 +109,7 @@ def bind_motions(
         mask: uint8, (world,); worlds with 0 are left alone.
         lens: "pinhole" or "orthographic".
         keep: ``FlowHistory.before`` becomes what is now: so for the last camera.
-        trail: FlowHistory; its motions are written.
+        history: FlowHistory; its motions are written.
         device: Where all of these lie.
     """
     facts = (
@@ -119,7 +119,7 @@ def bind_motions(
         keep,
         bool(tables.moving),
     )
-    inputs = [tables.shapes, views, mask, trail, *map(int, facts)]
+    inputs = [tables.shapes, views, mask, history, *map(int, facts)]
     return bind_launch(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
 
 

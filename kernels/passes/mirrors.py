@@ -122,7 +122,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
         "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
         "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
         "mirrors": wp.array(dtype=Mirror),  # (world,)
-        "veil_places": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
+        "transparent_index": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
         "seen_depth": wp.array(dtype=wp.float32),  # planar depth of what the view itself sees [m]
         "seen_shape": wp.array(dtype=seen_dtype),  # shape id of it
     }
@@ -154,7 +154,7 @@ def bind_trace(planned: PlannedPass[MirrorKey], frame: CameraFrame) -> Stage:
     target_type = _target_struct(shape.dtype, dtype_of(face), seen_shape.dtype)
     target = target_type()
     target.mask, target.faults, target.mirrors = frame.mask, frame.faults, frame.mirrors
-    target.veil_places = frame.layers.transparent_index
+    target.transparent_index = frame.layers.transparent_index
     target.seen_depth, target.seen_shape = frame.get(planned, "seen depth"), seen_shape
     target.depth, target.shape = frame.get(planned, "depth"), shape
     if face is not None:

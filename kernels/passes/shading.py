@@ -55,12 +55,12 @@ def frame_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
     if kind != "plain":
         fields |= {
             "mirrors": wp.array(dtype=Mirror),  # (world,)
-            "veils": wp.array(dtype=wp.int32),  # ids of the shapes that may be transparent
+            "transparent_shapes": wp.array(dtype=wp.int32),  # ids of the shapes that may be transparent
             "reach": wp.array(dtype=wp.float32),  # (shape,) see layers.py
             "haze": Haze,
         }
     if kind == "overridden":
-        fields["variety"] = WorldOverrides
+        fields["overrides"] = WorldOverrides
     return make_struct(f"{kind.capitalize()}Frame", fields)
 
 
@@ -137,9 +137,9 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     frame_type, images_type = frame_struct(kind, shape.dtype, dtype_of(face)), images_struct()
     seen = frame_type()
     if varied:
-        seen.variety = tables.world_overrides
+        seen.overrides = tables.world_overrides
     if more:
-        seen.veils, seen.reach = frame.layers.transparent_shapes, frame.layers.reach
+        seen.transparent_shapes, seen.reach = frame.layers.transparent_shapes, frame.layers.reach
         seen.mirrors = frame.mirrors
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze

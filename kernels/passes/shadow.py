@@ -37,7 +37,7 @@ def _kernel(key: ShadowKey, target_type: Any) -> wp.Kernel:
     types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
 
     @wp.func_native(
-        f"warpcam::{'cast_crowd' if key.many_casters else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
+        f"warpcam::{'cast_many' if key.many_casters else 'cast'}<{types}, {lens}, {capacity}, {width}, {height}>"
         "(shapes, materials, meshes, fields, lights, views, target, index);"
     )
     def cast(

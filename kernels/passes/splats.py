@@ -49,7 +49,7 @@ def _frame_struct(kind: str, shape_dtype: Any) -> Any:
         "height": wp.int32,
     }
     if kind != "plain":
-        fields["trail"] = FlowHistory
+        fields["history"] = FlowHistory
     if kind in ("exposed", "solid"):
         fields["exposures"] = wp.array(dtype=wp.float32)  # (world,) power of two that all light is multiplied by
         fields["gains"] = wp.array(dtype=wp.vec3)  # (world,) factors of red, green and blue
@@ -130,7 +130,7 @@ def bind(planned: PlannedPass[SplatKey], frame: CameraFrame) -> Stage:
     if solid:
         behind.limits = tables.splat_limits
     if key.flow:
-        behind.trail = frame.flow_history
+        behind.history = frame.flow_history
     behind.views, behind.mask = frame.views, frame.mask
     behind.depth, behind.shape = frame.get(planned, "seen depth"), shape
     behind.width, behind.height = frame.width, frame.height

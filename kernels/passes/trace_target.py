@@ -46,7 +46,7 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
     }
     if kind == "opaque":
-        fields["veil_places"] = wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
+        fields["transparent_index"] = wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
     fields |= visible_fields(shape_dtype, face_dtype) | {
         "distance": wp.array(dtype=wp.float32),  # (world * height * width,) along the ray [m]; inf where nothing is hit
         "points": wp.array(dtype=wp.float32),  # (world * height * width * 3,) world frame [m]; inf where nothing is hit
@@ -59,7 +59,7 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         "height": wp.int32,
     }
     if kind == "flow":
-        fields["trail"] = FlowHistory
+        fields["history"] = FlowHistory
     if kind != "opaque":
         fields["labels"] = LabelImages
     if kind in ("plain", "flow"):

@@ -39,8 +39,8 @@ def _kernel(key: ListKey) -> wp.Kernel:
     ): ...
 
     @wp.func_native(
-        f"warpcam::{function}(now, state, shapes, materials, meshes, fields, trail, lists, faults, columns, "
-        "width, height, brief, world, worlds, slot, shape, thread);"
+        f"warpcam::{function}(now, state, shapes, materials, meshes, fields, history, lists, faults, columns, "
+        "width, height, compact, world, worlds, slot, shape, thread);"
     )
     def list_worlds(
         now: View,
@@ -49,13 +49,13 @@ def _kernel(key: ListKey) -> wp.Kernel:
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
-        trail: FlowHistory,
+        history: FlowHistory,
         lists: wp.array(dtype=wp.vec4),
         faults: wp.array(dtype=wp.uint8),
         columns: int,
         width: int,
         height: int,
-        brief: int,
+        compact: int,
         world: int,
         worlds: int,
         slot: int,
@@ -82,10 +82,10 @@ def _kernel(key: ListKey) -> wp.Kernel:
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
-        trail: FlowHistory,
+        history: FlowHistory,
         lists: wp.array(dtype=wp.vec4),
         columns: wp.int32,
-        brief: wp.int32,
+        compact: wp.int32,
         worlds_each: wp.int32,
         rate: wp.int32,
         first: wp.int32,
@@ -107,8 +107,8 @@ def _kernel(key: ListKey) -> wp.Kernel:
                 drawn = mask[world] != wp.uint8(0)
             if drawn:
                 state = wp.int32(1)
-                if trail.known.shape[0] > 0:
-                    state = wp.int32(trail.known[world])
+                if history.frame_state.shape[0] > 0:
+                    state = wp.int32(history.frame_state[world])
                 count = wp.int32(0)  # loaded with the rest: memory is waited for once
                 known = wp.int32(0)
                 time = wp.float32(0.0)
@@ -128,7 +128,7 @@ def _kernel(key: ListKey) -> wp.Kernel:
                         frame_start.frame_state[world] = wp.uint8(next_frame_state(known))
                     if world < frame_start.clock.shape[0]:
                         frame_start.times[world] = time
-                    if trail.known.shape[0] > 0:
+                    if history.frame_state.shape[0] > 0:
                         state = next_frame_state(state)
         list_worlds(
             now,
@@ -137,13 +137,13 @@ def _kernel(key: ListKey) -> wp.Kernel:
             materials,
             meshes,
             fields,
-            trail,
+            history,
             lists,
             faults,
             columns,
             lens.width,
             lens.height,
-            brief,
+            compact,
             begin,
             worlds,
             slot,
@@ -164,7 +164,7 @@ def bind_lists(
     views: wp.array,
     tables: SceneTables,
     lists: wp.array,
-    trail: Any,
+    history: Any,
     device: wp.Device,
 ) -> Stage:
     """Bind the stage, which does what that of ``bind_views`` does, too, and that of ``bind_motions``.
@@ -174,14 +174,14 @@ def bind_lists(
         frame_start: Of ``bind_views``, as ``pose``, ``lens``, ``mask``, ``faults`` and ``views``.
         tables: The scene.
         lists: vec4, (world, row); written.
-        trail: FlowHistory, whose motions are composed; None: none are.
+        history: FlowHistory, whose motions are composed; None: none are.
         device: Where all of these lie.
     """
     starts = int(frame_start is not None)
     frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
     inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
-    inputs += [tables.height_fields, FlowHistory() if trail is None else trail, lists.flatten(), tables.num_shapes]
+    inputs += [tables.height_fields, FlowHistory() if history is None else history, lists.flatten(), tables.num_shapes]
     inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]
     threads = LIST_THREADS * -(-tables.num_worlds // each)
     return bind_launch(_kernel(key), threads, inputs, device, block_dim=LIST_THREADS, key=key)

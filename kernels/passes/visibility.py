@@ -55,7 +55,7 @@ def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     for role, array in arrays.items():
         setattr(target, role, array)
     if kind == "flow":
-        target.trail = frame.flow_history
+        target.history = frame.flow_history
     elif kind == "albedo":
         target.albedo = frame.get(planned, "albedo")
         target.textures, target.plane = tables.textures, tables.first_plane
@@ -67,7 +67,7 @@ def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     if key.outputs & TraceFlag.SEMANTICS:
         target.labels.semantic_of = tables.labels["semantics"]
     if key.outputs & TraceFlag.OPAQUE:
-        target.veil_places = frame.layers.transparent_index
+        target.transparent_index = frame.layers.transparent_index
     if frame.lists is not None and kind in ("plain", "flow"):
         target.lists = frame.lists.flatten()
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, frame.views, target]

@@ -64,7 +64,7 @@ def plan_shadow(
 
 def has_occluder_boxes(tables: SceneTables) -> bool:
     """Return whether the scene's meshes have occluder boxes: pack_meshes of accel/meshes.py."""
-    return tables.meshes.shutters is not None and tables.meshes.shutters.size > 0
+    return tables.meshes.occluder_boxes is not None and tables.meshes.occluder_boxes.size > 0
 
 
 def blocks(types: SceneTypes, capacity: int) -> int:

@@ -242,7 +242,7 @@ def _outputs(tables: SceneTables, images: Collection[str], device: wp.Device) ->
     if not {"flow", "flow_valid"}.isdisjoint(images):
         outputs |= flag_if(TraceFlag.FLOW, "flow" in images) | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in images)
         outputs |= flag_if(TraceFlag.FLOW_MOVES, bool(tables.moving))
-        outputs |= flag_if(TraceFlag.FLOW_BRIEF, history.is_compact(tables))
+        outputs |= flag_if(TraceFlag.FLOW_COMPACT, history.is_compact(tables))
         outputs |= flag_if(TraceFlag.FLOW_LISTED, history.composes(tables, device))
     elif "albedo" in images:
         outputs |= TraceFlag.TRACE_ALBEDO

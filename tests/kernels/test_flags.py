@@ -52,7 +52,7 @@ def test_lenses_are_alike() -> None:
             [
                 ("shading/appearance.h", "Fact"),
                 ("shading/appearance.h", "LayerFact"),
-                ("shading/world_overrides.h", "VarietyFact"),
+                ("shading/world_overrides.h", "OverrideFact"),
             ],
         ),
         (SplatFlag, "SPLAT_", [("splats/gaussian_blend.h", "SplatOutput")]),

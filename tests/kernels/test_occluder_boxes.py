@@ -18,7 +18,7 @@ DEVICES = [str(device) for device in wp.get_devices()]
     using namespace warpcam;
     float least = MISS;
     for (int k = 0; k < SHUTTERS; ++k) {
-        const OccluderBox shutter = OccluderBox::load_from(meshes.shutters.data, mesh, k);
+        const OccluderBox shutter = OccluderBox::load_from(meshes.occluder_boxes.data, mesh, k);
         least = warpcam::min(least, shutter.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
     }
     wp::index(aside, i) = least;
@@ -53,7 +53,7 @@ def with_shutters(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[M
     mesh = Mesh("shape", points, faces)
     meshes, _ = pack_meshes([mesh], wp.get_device(device))
     tree = build_bvh4(points, faces, cache=False)
-    meshes.shutters = occluder_boxes.pack_occluder_boxes(meshes, [tree.faces], [0], wp.get_device(device))
+    meshes.occluder_boxes = occluder_boxes.pack_occluder_boxes(meshes, [tree.faces], [0], wp.get_device(device))
     return meshes, points[faces].astype(np.float64)
 
 

@@ -32,7 +32,7 @@ ALL = Group.of_all(8192)
 def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
     drawn = SimpleNamespace(drawn=SimpleNamespace(shape=(shapes,)))
     tables = SceneTables(
-        shapes=drawn, meshes=SimpleNamespace(shutters=None), height_fields=None, materials=None, textures=None,
+        shapes=drawn, meshes=SimpleNamespace(occluder_boxes=None), height_fields=None, materials=None, textures=None,
         lights=None, background=None, num_worlds=8192, num_drawn=shapes, num_lights=1,
         shape_types=frozenset(shape_types or (types.SPHERE,)), num_shapes=shapes, num_faces=0, has_materials=True,
         has_textures=False, has_skybox=False, flags=flags,
@@ -76,7 +76,7 @@ def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
 def test_outputs_of_a_trace_are_its_flags() -> None:
     key = traced(scene(), CPU, "depth", "points", "instances", "ids")
     assert key.outputs == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
-    assert traced(scene(), CPU, "flow").outputs == TraceFlag.FLOW | TraceFlag.FLOW_BRIEF
+    assert traced(scene(), CPU, "flow").outputs == TraceFlag.FLOW | TraceFlag.FLOW_COMPACT
     assert TraceFlag.OPAQUE in traced(scene(), CPU, opaque=True).outputs
 
 

@@ -74,7 +74,7 @@ def test_shutters_change_no_image(
 ) -> None:
     """MuJoCo's: only there any face stops light, from whichever side."""
     if not horizon_maps.uses_horizon_maps(device):
-        pytest.skip("scenes of this device have no shutters")
+        pytest.skip("scenes of this device have no occluder boxes")
     spec = mujoco.MjSpec()
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(9.0, 9.0, 0.1))
     for number, name in enumerate(names):

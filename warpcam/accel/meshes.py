@@ -71,7 +71,7 @@ def pack_meshes(
     """Build the tree of every mesh and put all of them on ``device``. Equal meshes share their rows.
 
     Args:
-        shut: Whether they are to have shutters, where they can.
+        shut: Whether they are to have occluder boxes, where they can.
         ahead: What else is compiled for a CUDA device meanwhile, each with the threads in a block.
 
     Returns:
@@ -141,7 +141,7 @@ def pack_meshes(
         sizes = [len(rows) // 3 for _, rows in trees]
         horizon_maps.build_horizon_maps(packed, np.repeat(np.array(holders, np.int32), sizes), device)
         if shut and are_worth(faces := [rows for _, rows in trees]):
-            packed.shutters = pack_occluder_boxes(packed, faces, holders, device)
+            packed.occluder_boxes = pack_occluder_boxes(packed, faces, holders, device)
     return packed, max((len(rows) // 3 for _, rows in trees), default=0)
 
 
@@ -160,7 +160,7 @@ def pack_masks(meshes: Sequence[Mesh], textures: Textures, packed: Meshes, devic
 
 
 def _finders(meshes: Sequence[Mesh], shut: bool) -> list[wp.Kernel]:
-    """The kernels that look for horizons and, where they may be worth it, shutters."""
+    """The kernels that look for horizons and, where they may be worth it, for occluder boxes."""
     few = all(len(mesh.faces) < FEW_FACES for mesh in meshes)
     return ([horizon_maps.kernel()] if meshes else []) + ([occluder_boxes.kernel()] if shut and not few else [])
 

@@ -9,7 +9,7 @@ import warp as wp
 from warpcam.kernels.build.occluder_boxes import MAX_OCCLUDER_BOXES, ROWS, build_occluder_boxes
 from warpcam.kernels.types import Meshes
 
-LOOKED_AT = 512  # faces of a mesh over which shutters are looked for
+LOOKED_AT = 512  # faces of a mesh over which occluder boxes are looked for
 FEW_FACES = 128  # a mesh with fewer has none: light that it stops is found quickly without
 MANY_MESHES = 32  # of a scene; with more the search takes long
 NONE = np.zeros((ROWS, 4), np.float32)
@@ -29,7 +29,7 @@ def are_worth(trees: Sequence[np.ndarray]) -> bool:
 def pack_occluder_boxes(
     meshes: Meshes, trees: Sequence[np.ndarray], holders: Sequence[int], device: wp.Device
 ) -> wp.array:
-    """Find the shutters and outlines of all meshes.
+    """Find the occluder boxes and outlines of all meshes.
 
     Args:
         meshes: What lies on ``device``, but for these.

@@ -39,8 +39,8 @@ class CameraHistory:
         for name in set(history_plan.OUTPUTS) & images.keys():
             setattr(self.flow_history, name, flatten(images[name]))
         kept = worlds * _history_words(camera, tables)
-        self.flow_history.kept_first = wp.zeros(kept, dtype=wp.uint32, device=device)
-        self.flow_history.kept_second = wp.zeros(kept, dtype=wp.uint32, device=device)
+        self.flow_history.first_words = wp.zeros(kept, dtype=wp.uint32, device=device)
+        self.flow_history.second_words = wp.zeros(kept, dtype=wp.uint32, device=device)
         parts = worlds * _floor_parts(camera, tables, device)
         self.flow_history.floor_first = wp.zeros(parts, dtype=wp.uint8, device=device)
         self.flow_history.floor_second = wp.zeros(parts, dtype=wp.uint8, device=device)
@@ -82,7 +82,7 @@ class ShapeHistory:
 
     def share_with(self, flow_history: Any, tables: SceneTables, keep: bool) -> None:
         """Give a camera's trace what is shared; with ``keep`` it is the last of its kind in the frame."""
-        flow_history.known, flow_history.before, flow_history.after, flow_history.keep = (
+        flow_history.frame_state, flow_history.before, flow_history.after, flow_history.keep = (
             self.frame_state,
             self.poses,
             self.next_poses,

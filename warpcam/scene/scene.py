@@ -40,7 +40,7 @@ from warpcam.textures.hardware_mipmaps import pack_mips
 from warpcam.textures.mip_atlas import pack_mip_atlases
 from warpcam.textures.pack import pack_textures
 
-FEW_MESHES = 2  # with more, shutters of one seldom stop the light that a pixel asks for
+FEW_MESHES = 2  # with more, occluder boxes of one seldom stop the light that a pixel asks for
 
 
 class Scene:

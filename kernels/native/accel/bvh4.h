@@ -83,7 +83,7 @@ template <bool BY_CHILD> struct NodeRay {
 
     // The children of the node whose rows these are, and where the ray enters and leaves their boxes between `near` and
     // `depth`: it misses those that it leaves before it enters them.
-    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&t_far)[4],
                              int (&child)[4]) const
     {
 #pragma unroll
@@ -93,7 +93,7 @@ template <bool BY_CHILD> struct NodeRay {
             const float y0 = low.y * s.scale.y + s.down.y, y1 = high.y * s.scale.y + s.up.y;
             const float z0 = low.z * s.scale.z + s.down.z, z1 = high.z * s.scale.z + s.up.z;
             enter[k] = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near));
-            leave[k] = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), depth));
+            t_far[k] = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), depth));
             child[k] = low.w;
         }
     }
@@ -139,7 +139,7 @@ template <> struct NodeRay<false> {
     }
 
     // Tests the four children likewise; `near` is not negative.
-    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&leave)[4],
+    WARPCAM_DEVICE void test(const Float3Int* rows, float near, float depth, float (&enter)[4], float (&t_far)[4],
                              int (&child)[4]) const
     {
         const unsigned x = ways, y = ways >> 16, z = way_z;
@@ -157,7 +157,7 @@ template <> struct NodeRay<false> {
         mul(planes_z, z ^ 0x22u, scale.z, out.z, tz);
 #pragma unroll
         for (int k = 0; k < 4; ++k)
-            leave[k] = least(least(tx[k], ty[k], tz[k]), depth, depth);
+            t_far[k] = least(least(tx[k], ty[k], tz[k]), depth, depth);
         child[0] = as_int(children.x);
         child[1] = as_int(children.y);
         child[2] = as_int(children.z);

@@ -169,9 +169,9 @@ struct MeshRays {
         const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
         const Float4 enter =
             upper4(upper4(planes(0, x, in), planes(1, y, in)), upper4(planes(2, z, in), (Float4)near[ray]));
-        const Float4 leave = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
+        const Float4 t_far = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
                                     lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
-        const Int4 met = enter <= leave;
+        const Int4 met = enter <= t_far;
         const Int4 keys = sorted4(((Int4)enter & 0x7ffffffc) | Int4 { 0, 1, 2, 3 } | ~met);
         store_float4(child[ray] + top, pick4((Int4)load_float4(rows + 4 * 6), keys));
         store_float4(entry[ray] + top, keys);
@@ -300,8 +300,8 @@ inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Ne
         const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
         const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
         const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near.at(lane)));
-        const float leave = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), rays.depth[lane]));
-        met[lane] = enter <= leave;
+        const float t_far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), rays.depth[lane]));
+        met[lane] = enter <= t_far;
         any |= met[lane];
     }
     if (!any)

@@ -78,20 +78,20 @@ WARPCAM_DEVICE void walk_height_field(const HeightFields& fields, const ShapeRec
     const Axis x(fma(o.x, scale.x, 0.5f * along_x), d.x * scale.x, along_x);
     const Axis y(fma(o.y, scale.y, 0.5f * along_y), d.y * scale.y, along_y);
     const float enter = max(x.leaves(x.first - 1.0f), y.leaves(y.first - 1.0f));
-    const float leave = min(x.leaves(x.last), y.leaves(y.last));
+    const float t_far = min(x.leaves(x.last), y.leaves(y.last));
     const bool falls = d.z < 0.0f;
     const float rate = rcp(avoid_zero(d.z)), level_at = -o.z * rate;  // at height h when t = h * rate + level_at
     const float lid = (top + 2.0e-6f * (abs(o.z) + abs(top)) - o.z) * rate;
     if (d.z > 0.0f) {
         const float t = (-base - o.z) * rate;
-        if (t > enter && t <= min(leave, lid) && t > near && t < hit.depth) {
+        if (t > enter && t <= min(t_far, lid) && t > near && t < hit.depth) {
             hit.depth = t;
             hit.shape = record.axis_y.w;
             hit.face = -1;
         }
     }
     const float begin = max(max(enter, near), falls ? lid : near);
-    const float end = min(min(leave, hit.depth), falls ? leave : lid);
+    const float end = min(min(t_far, hit.depth), falls ? t_far : lid);
     if (!(begin < end))
         return;
 

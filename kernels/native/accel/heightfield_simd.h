@@ -72,7 +72,7 @@ WARPCAM_NOINLINE_CPU inline void walk_packet(const HeightFields& fields, const S
     const Axes x(fma(ray.ox, (Float8)scale.x, (Float8)(0.5f * along_x)), ray.dx * scale.x, along_x);
     const Axes y(fma(ray.oy, (Float8)scale.y, (Float8)(0.5f * along_y)), ray.dy * scale.y, along_y);
     const Float8 enter = max(x.leaves(x.first - 1.0f), y.leaves(y.first - 1.0f));
-    const Float8 leave = min(x.leaves(x.first + (along_x - 1.0f)), y.leaves(y.first + (along_y - 1.0f)));
+    const Float8 t_far = min(x.leaves(x.first + (along_x - 1.0f)), y.leaves(y.first + (along_y - 1.0f)));
     const Float8 oz = ray.oz, dz = ray.dz;
     const Int8 falls = dz < 0.0f;
     const Float8 rate = 1.0f / (abs(dz) < 1.0e-18f ? (Float8)1.0e-18f : dz);
@@ -80,13 +80,13 @@ WARPCAM_NOINLINE_CPU inline void walk_packet(const HeightFields& fields, const S
     const Float8 lid = (top + 2.0e-6f * (abs(oz) + abs(top)) - oz) * rate;
     const Float8 floor = (-base - oz) * rate;
     const Int8 below =
-        (dz > 0.0f) & (floor > enter) & (floor <= min(leave, lid)) & (floor > near) & (floor < hit.depth);
+        (dz > 0.0f) & (floor > enter) & (floor <= min(t_far, lid)) & (floor > near) & (floor < hit.depth);
     hit.depth = below ? floor : hit.depth;
     hit.met |= below;
     hit.face = below ? (Int8)-1 : hit.face;
 
     const Float8 begin = max(max(enter, near), falls ? lid : near);
-    const Float8 end = min(min(leave, hit.depth), falls ? leave : lid);
+    const Float8 end = min(min(t_far, hit.depth), falls ? t_far : lid);
     Int8 walks = begin < end;
     if (!any(walks))
         return;

@@ -92,13 +92,13 @@ inline SpatialSplit find_cut(const Faces& mesh, const BuildPrim* items, int coun
             continue;
         Slices slices(box, axis);
         Box boxes[kPlanes];
-        int enter[kPlanes] = {}, leave[kPlanes] = {};
+        int enter[kPlanes] = {}, t_far[kPlanes] = {};
         for (Box& share : boxes)
             share = Box::empty();
         for (int i = 0; i < count; ++i) {
             int first = slices.slab(items[i].box.lower[axis]), last = slices.slab(items[i].box.upper[axis]);
             ++enter[first];
-            ++leave[last];
+            ++t_far[last];
             if (first == last)
                 boxes[first].grow(items[i].box);
             else
@@ -109,7 +109,7 @@ inline SpatialSplit find_cut(const Faces& mesh, const BuildPrim* items, int coun
         Box side = Box::empty();
         for (int slab = kPlanes - 1; slab > 0; --slab) {
             side.grow(boxes[slab]);
-            n += leave[slab];
+            n += t_far[slab];
             num_after[slab] = n;
             after[slab] = n ? side.area() * n : 0.;
         }

@@ -12,7 +12,7 @@ struct TileRays {
 // Intersects a tile's rays with the slab between two planes across an axis of a shape, `low` and `high` above the rays'
 // common origin: when the first ray may enter, and the last leave. Returns false if none enters.
 WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, float low, float high, float& enter,
-                               float& leave)
+                               float& t_far)
 {
     const float left = axis.x * tile.left, right = axis.x * tile.right;
     const float bottom = axis.y * tile.bottom, top = axis.y * tile.top;
@@ -25,7 +25,7 @@ WARPCAM_DEVICE bool cross_slab(const TileRays& tile, const Float3Int& axis, floa
     if (above || below)
         enter = max(enter, above ? low * rcp(most) : high * rcp(least));
     if (least > 0.0f || most < 0.0f)
-        leave = min(leave, least > 0.0f ? high * rcp(least) : low * rcp(most));
+        t_far = min(t_far, least > 0.0f ? high * rcp(least) : low * rcp(most));
     return true;
 }
 
@@ -35,11 +35,11 @@ WARPCAM_DEVICE bool may_meet_box(const ShapeRecord& record, Vec3 low, Vec3 high,
 {
     const Float3Int o = record.origin;
     const float pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z) + record.size.x);
-    float enter = 0.0f, leave = MISS;
-    return cross_slab(tile, record.axis_x, low.x - pad - o.x, high.x + pad - o.x, enter, leave)
-           && cross_slab(tile, record.axis_y, low.y - pad - o.y, high.y + pad - o.y, enter, leave)
-           && cross_slab(tile, record.axis_z, low.z - pad - o.z, high.z + pad - o.z, enter, leave)
-           && 0.9999f * enter <= 1.0001f * leave;
+    float enter = 0.0f, t_far = MISS;
+    return cross_slab(tile, record.axis_x, low.x - pad - o.x, high.x + pad - o.x, enter, t_far)
+           && cross_slab(tile, record.axis_y, low.y - pad - o.y, high.y + pad - o.y, enter, t_far)
+           && cross_slab(tile, record.axis_z, low.z - pad - o.z, high.z + pad - o.z, enter, t_far)
+           && 0.9999f * enter <= 1.0001f * t_far;
 }
 
 }  // namespace warpcam

@@ -18,8 +18,8 @@ template <int LENS> WARPCAM_DEVICE float project_previous(const Float3Int& by, f
 }
 
 // Motion of a point of a mesh's face in the mesh's own frame, without the shape's scale.
-template <class Types, int LENS, class Trail, class Shapes>
-WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, const Camera& camera,
+template <class Types, int LENS, class History, class Shapes>
+WARPCAM_NOINLINE Vec3 moved_within(const History& history, const Shapes& shapes, const Camera& camera,
                                    const CameraRay<LENS>& seen, const Hit& hit, int corners, int world)
 {
     const auto r = wp::index(shapes.rotations, world, hit.shape);
@@ -31,17 +31,17 @@ WARPCAM_NOINLINE Vec3 moved_within(const Trail& trail, const Shapes& shapes, con
         const Vec3 size = as_vec3(per_world(shapes.sizes, world, hit.shape));
         local = { local.x / size.x, local.y / size.y, local.z / size.z };
     }
-    const unsigned row = wp::index(trail.face_start, per_world(shapes.assets, world, hit.shape)) + 3 * hit.face;
-    const Float3Int first = load(trail.faces.data, row);
-    const Vec3 a = as_vec3(first), b = as_vec3(load(trail.faces.data, row + 1)),
-               c = as_vec3(load(trail.faces.data, row + 2));
+    const unsigned row = wp::index(history.face_start, per_world(shapes.assets, world, hit.shape)) + 3 * hit.face;
+    const Float3Int first = load(history.faces.data, row);
+    const Vec3 a = as_vec3(first), b = as_vec3(load(history.faces.data, row + 1)),
+               c = as_vec3(load(history.faces.data, row + 2));
     const Vec3 edge1 = b - a, edge2 = c - a, normal = cross(edge1, edge2), place = local - a;
     const float rate = 1.0f / max(dot(normal, normal), MIN_NORMAL);
     const float weight1 = dot(cross(place, edge2), normal) * rate, weight2 = dot(cross(edge1, place), normal) * rate;
     const int at = corners + 3 * first.w;
-    return (1.0f - weight1 - weight2) * (as_vec3(wp::index(trail.corners, at)) - a)
-           + weight1 * (as_vec3(wp::index(trail.corners, at + 1)) - b)
-           + weight2 * (as_vec3(wp::index(trail.corners, at + 2)) - c);
+    return (1.0f - weight1 - weight2) * (as_vec3(wp::index(history.corners, at)) - a)
+           + weight1 * (as_vec3(wp::index(history.corners, at + 1)) - b)
+           + weight2 * (as_vec3(wp::index(history.corners, at + 2)) - c);
 }
 
 // Along one axis the two pixels that have a quarter or more of what is interpolated at a place, mostly the same one.
@@ -61,12 +61,12 @@ struct Beside {
 // Tests whether the previous image showed the surface at a position inside of it, at distance `depth`. The pixel there
 // must show the shape, and so must one that has a quarter or more of the weight in an interpolation there; the surface
 // must not be farther than one of them by more than `last` allows.
-template <class Trail, class Places> WARPCAM_DEVICE bool was_seen(const Trail& trail, const Places& places, int shape,
-                                                                  const Beside& x, const Beside& y,
-                                                                  const Float3Int& last, float depth)
+template <class History, class Places> WARPCAM_DEVICE bool was_seen(const History& history, const Places& places,
+                                                                    int shape, const Beside& x, const Beside& y,
+                                                                    const Float3Int& last, float depth)
 {
-    return Places::Keeps::show(places.word_at_place(trail, x.place, y.place),
-                               places.word_at_place(trail, x.other(), y.other()), shape, last, depth);
+    return Places::Keeps::show(places.word_at_place(history, x.place, y.place),
+                               places.word_at_place(history, x.other(), y.other()), shape, last, depth);
 }
 
 // Motion of what pixel (x, y) sees, by the three rows of a shape that moves.
@@ -85,9 +85,9 @@ template <int LENS> struct PixelMotion {
 
 // Writes the flow of pixel (i, j) and of those `step` rows below each other that show one shape, which does not move in
 // its own frame; pixel_of(k): their numbers.
-template <int LENS, int COUNT, class Trail, class Places, class PixelOf>
-WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int shape, const Hit (&hits)[COUNT], int i,
-                                int j, int step, const PixelOf& pixel_of)
+template <int LENS, int COUNT, class History, class Places, class PixelOf>
+WARPCAM_DEVICE void put_flow_of(const History& history, const Places& places, int shape, const Hit (&hits)[COUNT],
+                                int i, int j, int step, const PixelOf& pixel_of)
 {
     const auto rows = places.of_shape(shape);
     float right[COUNT] = {}, down[COUNT] = {};
@@ -100,12 +100,12 @@ WARPCAM_DEVICE void put_flow_of(const Trail& trail, const Places& places, int sh
         }
     }
     for (int k = 0; k < COUNT; ++k)
-        *reinterpret_cast<Float2*>(trail.flow.data + 2 * size_t(pixel_of(k))) = { right[k], down[k] };
+        *reinterpret_cast<Float2*>(history.flow.data + 2 * size_t(pixel_of(k))) = { right[k], down[k] };
 }
 
 // Writes the pixel that is `below` rows below pixel (i, j), number `pixel` of all worlds'.
-template <class Types, int LENS, int WANTED, class Trail, class Places, class Shapes, class Index>
-WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Shapes& shapes, const Camera& camera,
+template <class Types, int LENS, int WANTED, class History, class Places, class Shapes, class Index>
+WARPCAM_DEVICE void put_flow(const History& history, const Places& places, const Shapes& shapes, const Camera& camera,
                              const CameraRay<LENS>& seen, const Hit& hit, int world, int i, int j, int below,
                              Index pixel)
 {
@@ -114,7 +114,7 @@ WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Sha
     const auto rows = places.of_shape(hit.shape);
     const Float3Int last = rows.at(3);
     if (WANTED & FLOW_VALID)
-        keep_word(places.kept + 8u * below, Places::place_of(trail, i, j), Keeps::word(hit.shape, hit.depth, last));
+        keep_word(places.kept + 8u * below, Places::place_of(history, i, j), Keeps::word(hit.shape, hit.depth, last));
     float right = 0.0f, down = 0.0f;
     unsigned valid = 0;
     if (Places::LISTED || hit.shape >= 0) {  // listed, nothing rests
@@ -123,13 +123,13 @@ WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Sha
         Vec3 within { 0.0f, 0.0f, 0.0f };
         if constexpr (MOVES) {
             if (corners >= 0) {
-                within = moved_within<Types>(trail, shapes, camera, seen, hit, corners, world);
+                within = moved_within<Types>(history, shapes, camera, seen, hit, corners, world);
                 still = still && within.x == 0.0f && within.y == 0.0f && within.z == 0.0f;
             }
         }
         if (still) {
             if (WANTED & FLOW_VALID)
-                valid = settled(Keeps::shows(places.word_of(trail, i, j + below), hit.shape));
+                valid = settled(Keeps::shows(places.word_of(history, i, j + below), hit.shape));
         } else {
             const float column = float(i), row = float(j + below);
             float x = project_previous<LENS>(rows.at(0), column, row, hit.depth);
@@ -148,21 +148,21 @@ WARPCAM_DEVICE void put_flow(const Trail& trail, const Places& places, const Sha
             down = ahead ? fma(-y, rate, row) : 0.0f;
             if (WANTED & FLOW_VALID) {
                 const Beside across(x, rate), along(y, rate);
-                if ((depth >= last.z) & across.inside(Places::width(trail)) & along.inside(Places::height(trail)))
-                    valid = settled(was_seen(trail, places, hit.shape, across, along, last, depth));
+                if ((depth >= last.z) & across.inside(Places::width(history)) & along.inside(Places::height(history)))
+                    valid = settled(was_seen(history, places, hit.shape, across, along, last, depth));
             }
         }
     }
     if (WANTED & FLOW) {
 #if defined(__CUDA_ARCH__)
-        reinterpret_cast<float2*>(trail.flow.data)[pixel] = make_float2(right, down);
+        reinterpret_cast<float2*>(history.flow.data)[pixel] = make_float2(right, down);
 #else
-        trail.flow.data[2 * size_t(pixel)] = right;
-        trail.flow.data[2 * size_t(pixel) + 1] = down;
+        history.flow.data[2 * size_t(pixel)] = right;
+        history.flow.data[2 * size_t(pixel) + 1] = down;
 #endif
     }
     if (WANTED & FLOW_VALID)
-        trail.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
+        history.flow_valid.data[pixel] = static_cast<unsigned char>(valid);
 }
 
 }  // namespace warpcam

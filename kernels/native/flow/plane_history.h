@@ -117,14 +117,14 @@ template <class Places> WARPCAM_DEVICE void find_row(Places& places, int row, in
 }
 
 // For a thread for each part of the region.
-template <class Places, class Trail>
-WARPCAM_DEVICE void begin_floor(Places& places, const Trail& trail, const Region& region, int part, int shape)
+template <class Places, class History>
+WARPCAM_DEVICE void begin_floor(Places& places, const History& history, const Region& region, int part, int shape)
 {
     FlowFloor& floor = places.floor;
     floor.seen[part] = FlowFloor::NONE;
     if (part == 0)
         floor.shape = shape;
-    unsigned char* parts = floor.parts_now + FlowFloor::part_in(trail.width, region.left, region.top);
+    unsigned char* parts = floor.parts_now + FlowFloor::part_in(history.width, region.left, region.top);
     parts[part] = 1;
     if (part == 0)
         floor.region_parts = parts;

@@ -59,19 +59,19 @@ WARPCAM_DEVICE float steps_of(int kind, const ShapePose& pose, const Camera& cam
            * rcp(max(2.0f * radius + (1.0f - reach.part) * farthest - reach.shift, 1.0e-6f * farthest + 1.0e-12f));
 }
 
-WARPCAM_DEVICE float ratio(float then, float now) { return now == 0.0f ? 1.0f : then * rcp(now); }
+WARPCAM_DEVICE float ratio(float previous, float now) { return now == 0.0f ? 1.0f : previous * rcp(now); }
 
 // Ratio of the shape's previous to its present size along its axes.
-WARPCAM_DEVICE Vec3 stretch(int kind, Vec3 then, Vec3 now, bool scaled)
+WARPCAM_DEVICE Vec3 stretch(int kind, Vec3 previous, Vec3 now, bool scaled)
 {
-    if (same_vec(then, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
+    if (same_vec(previous, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
         return { 1.0f, 1.0f, 1.0f };
-    const float x = ratio(then.x, now.x), y = ratio(then.y, now.y);
+    const float x = ratio(previous.x, now.x), y = ratio(previous.y, now.y);
     if (kind == SPHERE)
         return { x, x, x };
     if (kind == CAPSULE || kind == CYLINDER || kind == CONE || kind == BARREL)
         return { x, x, y };
-    return { x, y, ratio(then.z, now.z) };
+    return { x, y, ratio(previous.z, now.z) };
 }
 
 WARPCAM_DEVICE void put_row(Float3Int* rows, int row, Vec3 v, float w)
@@ -150,15 +150,15 @@ struct Projection {
 
 // Writes the rows of Trail.motions that a shape has, each so many after the last. DEPTHS: the fourth tells depths, too,
 // not only what rests.
-template <bool MOVES, bool DEPTHS, class Trail>
-WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, const ShapePose& pose, int kind, int state,
-                                   const Camera& now, const Camera& then, bool pinhole, bool scaled, bool brief,
-                                   Float3Int* motion, int step)
+template <bool MOVES, bool DEPTHS, class History>
+WARPCAM_DEVICE void compose_motion(const History& history, const ShapePose& old, const ShapePose& pose, int kind,
+                                   int state, const Camera& now, const Camera& previous, bool pinhole, bool scaled,
+                                   bool compact, Float3Int* motion, int step)
 {
-    const float steps = DEPTHS && brief ? steps_of(kind, pose, now, pinhole) : 0.0f;
+    const float steps = DEPTHS && compact ? steps_of(kind, pose, now, pinhole) : 0.0f;
     if (state == NEW) {
         put_unknown(motion, step);
-        put_row(motion, 3 * step, { 0.0f, 0.0f, 0.0f }, brief ? steps : as_float(-2));
+        put_row(motion, 3 * step, { 0.0f, 0.0f, 0.0f }, compact ? steps : as_float(-2));
         return;
     }
     // By how much a point of the shape, then one of the camera's frame, was elsewhere: 0 if nothing has moved.
@@ -172,11 +172,11 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
             turn.at[i][j] = dot(row, { pose.rotation.at[j][0], pose.rotation.at[j][1], pose.rotation.at[j][2] });
     }
     const Vec3 away =
-        (now.origin - then.origin) + (old.position - pose.position) + transform(turn, now.origin - pose.position);
-    const Vec3 shift = transform_transposed(then.rotation, away);
+        (now.origin - previous.origin) + (old.position - pose.position) + transform(turn, now.origin - pose.position);
+    const Vec3 shift = transform_transposed(previous.rotation, away);
     float moved = dot(shift, shift);
     for (int i = 0; i < 3; ++i) {
-        const Vec3 axis { then.rotation.at[0][i], then.rotation.at[1][i], then.rotation.at[2][i] };
+        const Vec3 axis { previous.rotation.at[0][i], previous.rotation.at[1][i], previous.rotation.at[2][i] };
         const Vec3 sooner { now.rotation.at[0][i], now.rotation.at[1][i], now.rotation.at[2][i] };
         const Vec3 row = transform_transposed(now.rotation, (axis - sooner) + transform_transposed(turn, axis));
         change.at[i][0] = row.x;
@@ -184,12 +184,12 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
         change.at[i][2] = row.z;
         moved += dot(row, row);
     }
-    const float center_x = now.center_x - then.center_x, center_y = now.center_y - then.center_y;
-    const float scale_x = now.scale_x - then.scale_x, scale_y = now.scale_y - then.scale_y;
+    const float center_x = now.center_x - previous.center_x, center_y = now.center_y - previous.center_y;
+    const float scale_x = now.scale_x - previous.scale_x, scale_y = now.scale_y - previous.scale_y;
     moved += center_x * center_x + center_y * center_y + scale_x * scale_x + scale_y * scale_y;
-    const int corner = MOVES && kind == MESH && pose.asset >= 0 ? wp::index(trail.corner_starts, pose.asset) : -1;
+    const int corner = MOVES && kind == MESH && pose.asset >= 0 ? wp::index(history.corner_starts, pose.asset) : -1;
     const bool known = abs(moved) < infinity() && old.asset == pose.asset, rests = known && moved == 0.0f;
-    const Projection pixels(then, pinhole);
+    const Projection pixels(previous, pinhole);
     if (!known) {
         put_unknown(motion, step);
     } else if (!rests || corner >= 0) {
@@ -202,14 +202,14 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
             const float z = -pixels.of(i, c[0][2], c[1][2], c[2][2]);
             const float start = x * (0.5f - now.center_x) + y * (0.5f - now.center_y);  // of pixel (0, 0)
             const float end = pixels.of(i, shift.x, shift.y, shift.z);
-            const float middle = i == 0 ? then.center_x - 0.5f : i == 1 ? then.center_y - 0.5f : 0.0f;
+            const float middle = i == 0 ? previous.center_x - 0.5f : i == 1 ? previous.center_y - 0.5f : 0.0f;
             put_row(motion, i * step, { x, y, pinhole ? z + start : z }, pinhole ? end : end + middle + start);
         }
     }
     if (MOVES && corner >= 0) {
         Vec3 columns[3];  // of the mesh's frame, in the camera's
         for (int j = 0; j < 3; ++j) {
-            columns[j] = transform_transposed(then.rotation,
+            columns[j] = transform_transposed(previous.rotation,
                                               { old.rotation.at[0][j], old.rotation.at[1][j], old.rotation.at[2][j] });
             if (scaled)
                 columns[j] = (j == 0 ? old.size.x : j == 1 ? old.size.y : old.size.z) * columns[j];
@@ -221,80 +221,83 @@ WARPCAM_DEVICE void compose_motion(const Trail& trail, const ShapePose& old, con
                       pixels.of(i, columns[2].x, columns[2].y, columns[2].z) },
                     0.0f);
     }
-    DepthTolerance reach = reach_of(kind, then, pinhole);
+    DepthTolerance reach = reach_of(kind, previous, pinhole);
     if (kind == PLANE)
         reach.shift = -1.0e30f;
     if (!DEPTHS) {
-        put_row(motion, 3 * step, { 0.0f, 0.0f, brief && rests ? -1.0f : 0.0f },
-                as_float(!brief && rests ? STILL : STILL - 1));
-    } else if (brief) {
-        const float old_steps = steps_of(kind, old, then, pinhole);
+        put_row(motion, 3 * step, { 0.0f, 0.0f, compact && rests ? -1.0f : 0.0f },
+                as_float(!compact && rests ? STILL : STILL - 1));
+    } else if (compact) {
+        const float old_steps = steps_of(kind, old, previous, pinhole);
         const float nearest = mul_rn(reach.shift, old_steps) + TO_WHOLE;
-        put_row(motion, 3 * step, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : then.near }, steps);
+        put_row(motion, 3 * step, { reach.part * old_steps, nearest, rests && corner < 0 ? -1.0f : previous.near },
+                steps);
     } else {
-        put_row(motion, 3 * step, { reach.part, reach.shift, then.near },
+        put_row(motion, 3 * step, { reach.part, reach.shift, previous.near },
                 as_float(known ? 2 * corner + int(rests) : -2));
     }
 }
 
 // Composes the motion of a shape whose previous pose is `before`, of so many shapes; stores its present pose in
 // `after`, unless null: `before` itself or another array.
-template <bool MOVES, bool DEPTHS, class Trail, class Shapes>
-WARPCAM_DEVICE void compose_motion_of(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                      int world, int shape, bool pinhole, bool scaled, bool brief,
-                                      const Float3Int* before, Float3Int* after, Float3Int* motion)
+template <bool MOVES, bool DEPTHS, class History, class Shapes>
+WARPCAM_DEVICE void compose_motion_of(const History& history, const Shapes& shapes, const Camera& now,
+                                      const Camera& previous, int world, int shape, bool pinhole, bool scaled,
+                                      bool compact, const Float3Int* before, Float3Int* after, Float3Int* motion)
 {
     // All is loaded before the first decision: memory is waited for once.
-    const ShapePose old = pose_before(before, trail.columns), pose = pose_now(shapes, world, shape);
-    const int state = wp::index(trail.known, world), kind = wp::index(shapes.types, shape);
+    const ShapePose old = pose_before(before, history.columns), pose = pose_now(shapes, world, shape);
+    const int state = wp::index(history.frame_state, world), kind = wp::index(shapes.types, shape);
     if (wp::index(shapes.places, shape) < 0 && kind != SPLATS)
         return;
     if (after && (state == NEW || !(after == before && same_pose(old, pose))))
-        keep_pose(after, trail.columns, pose);
-    compose_motion<MOVES, DEPTHS>(trail, old, pose, kind, state, now, then, pinhole, scaled, brief, motion, 1);
+        keep_pose(after, history.columns, pose);
+    compose_motion<MOVES, DEPTHS>(history, old, pose, kind, state, now, previous, pinhole, scaled, compact, motion, 1);
 }
 
 // A shape of a world by a thread; `index` counts worlds, then shapes.
-template <class Shapes, class Views, class Mask, class Trail>
-WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const Trail& trail,
-                                 bool pinhole, bool scaled, bool brief, bool keep, bool moves, int index)
+template <class Shapes, class Views, class Mask, class History>
+WARPCAM_DEVICE void write_motion(const Shapes& shapes, const Views& views, const Mask& mask, const History& history,
+                                 bool pinhole, bool scaled, bool compact, bool keep, bool moves, int index)
 {
-    const int world = index / trail.columns, shape = index - world * trail.columns;
+    const int world = index / history.columns, shape = index - world * history.columns;
     if (!wp::index(mask, world))
         return;
-    const Camera now = load_camera(wp::index(views, world)), then = load_camera(wp::index(trail.views_before, world));
-    Float3Int* motion = reinterpret_cast<Float3Int*>(trail.motions.data)
+    const Camera now = load_camera(wp::index(views, world)),
+                 previous = load_camera(wp::index(history.views_before, world));
+    Float3Int* motion = reinterpret_cast<Float3Int*>(history.motions.data)
                         + (moves ? motion_rows<true>() : motion_rows<false>()) * size_t(unsigned(index));
-    Float3Int* before = reinterpret_cast<Float3Int*>(trail.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
+    Float3Int* before =
+        reinterpret_cast<Float3Int*>(history.before.data) + (4 * size_t(unsigned(index - shape)) + shape);
     Float3Int* after = keep ? before : nullptr;
     if (moves)
-        compose_motion_of<true, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after,
-                                      motion);
+        compose_motion_of<true, true>(history, shapes, now, previous, world, shape, pinhole, scaled, compact, before,
+                                      after, motion);
     else
-        compose_motion_of<false, true>(trail, shapes, now, then, world, shape, pinhole, scaled, brief, before, after,
-                                       motion);
+        compose_motion_of<false, true>(history, shapes, now, previous, world, shape, pinhole, scaled, compact, before,
+                                       after, motion);
 }
 
 // Composes the motions of all shapes of a world, by the threads of a block, into its shared memory; the last threads
 // compose, since the first set shapes up. KEEP: this block writes the poses.
-template <int WANTED, class Types, int LENS, class Trail, class Shapes>
-WARPCAM_DEVICE void compose_motions(const Trail& trail, const Shapes& shapes, const Camera& now, const Camera& then,
-                                    int world, bool keep, int thread, Float3Int* motions)
+template <int WANTED, class Types, int LENS, class History, class Shapes>
+WARPCAM_DEVICE void compose_motions(const History& history, const Shapes& shapes, const Camera& now,
+                                    const Camera& previous, int world, bool keep, int thread, Float3Int* motions)
 {
     constexpr bool DEPTHS = (WANTED & FLOW_VALID) != 0;
-    const bool in_first = wp::index(trail.known, world) == FIRST;
+    const bool in_first = wp::index(history.frame_state, world) == FIRST;
     const Float3Int* one =
-        reinterpret_cast<const Float3Int*>(trail.before.data) + 4 * size_t(unsigned(world * trail.columns));
+        reinterpret_cast<const Float3Int*>(history.before.data) + 4 * size_t(unsigned(world * history.columns));
     const Float3Int* other =
-        reinterpret_cast<const Float3Int*>(trail.after.data) + 4 * size_t(unsigned(world * trail.columns));
+        reinterpret_cast<const Float3Int*>(history.after.data) + 4 * size_t(unsigned(world * history.columns));
     const Float3Int* before = in_first ? one : other;
     Float3Int* after = const_cast<Float3Int*>(in_first ? other : one);
-    for (int shape = THREADS - 1 - thread; shape < trail.columns; shape += THREADS)
-        compose_motion_of<false, DEPTHS>(trail, shapes, now, then, world, shape, LENS == PINHOLE,
-                                         Types::has(PER_SHAPE_SCALE), (WANTED & FLOW_BRIEF) != 0, before + shape,
+    for (int shape = THREADS - 1 - thread; shape < history.columns; shape += THREADS)
+        compose_motion_of<false, DEPTHS>(history, shapes, now, previous, world, shape, LENS == PINHOLE,
+                                         Types::has(PER_SHAPE_SCALE), (WANTED & FLOW_COMPACT) != 0, before + shape,
                                          keep ? after + shape : nullptr, motions + motion_rows<false>() * (shape + 1));
     if (thread == THREADS - 1)  // of nothing, which rests
-        put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_BRIEF) ? 0.0f : as_float(STILL));
+        put_row(motions, 3, { 0.0f, 0.0f, -1.0f }, (WANTED & FLOW_COMPACT) ? 0.0f : as_float(STILL));
 }
 
 }  // namespace warpcam

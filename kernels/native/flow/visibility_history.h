@@ -4,7 +4,7 @@
 
 namespace warpcam {
 
-// Flow outputs of a trace: bits of flags.py. FLOW_MOVES: some meshes move. FLOW_BRIEF: words have 16 bits.
+// Flow outputs of a trace: bits of flags.py. FLOW_MOVES: some meshes move. FLOW_COMPACT: words have 16 bits.
 // FLOW_LISTED: each block composes motions, of no more shapes than it lists, or copies those that the stage of views
 // has composed. FLOW_WHOLE: a block draws a whole image. FLOW_NEAR: shared memory has room for the previous words of 16
 // bits a pixel.
@@ -12,7 +12,7 @@ enum FlowOutput {
     FLOW = 1 << 24,
     FLOW_VALID = 1 << 25,
     FLOW_MOVES = 1 << 26,
-    FLOW_BRIEF = 1 << 27,
+    FLOW_COMPACT = 1 << 27,
     FLOW_LISTED = 1 << 28,
     FLOW_WHOLE = 1 << 29,
     FLOW_NEAR = 1 << 30
@@ -119,7 +119,7 @@ WARPCAM_DEVICE unsigned settled(bool condition)
     return number;
 }
 
-// Trail.known: what was seen is kept in the first or the second of two places, what is seen goes to the other; or
+// FlowHistory.frame_state: what was seen is kept in the first or the second of two places, what is seen goes to the other; or
 // nothing is known of what was. Values of views.py.
 enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
 
@@ -160,7 +160,7 @@ WARPCAM_DEVICE unsigned pixel_below(float number) { return bits_below(number, 83
 // for them. SHAPES: shared memory holds the motions of as many shapes, too. FLOORED: the block tests planes as a whole.
 template <int WANTED, int WIDTH = 0, int HEIGHT = 0, int SHAPES = 0, bool NEAR = false, bool FLOORED = false>
 struct VisibilityHistory {
-    using Keeps = PackedVisibility<(WANTED & FLOW_BRIEF) != 0>;
+    using Keeps = PackedVisibility<(WANTED & FLOW_COMPACT) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
     static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED, PAINTS = false;
@@ -168,7 +168,7 @@ struct VisibilityHistory {
     const Word* words;
     Word* kept;
     const Float3Int* motions;
-    alignas(16) Camera then;  // as it was, where motions are listed
+    alignas(16) Camera previous;  // as it was, where motions are listed
     alignas(16) Word near_words[NEAR ? NEAR_ROW * HEIGHT : 1];
     Float3Int near_motions[LISTED ? (SHAPES + 1) * ROWS : 1];  // the first of nothing
     typename FloorOf<FLOORED>::type floor;
@@ -195,63 +195,69 @@ struct VisibilityHistory {
         return { rows };
     }
 
-    template <class Trail> WARPCAM_DEVICE static int width(const Trail& trail) { return WHOLE ? WIDTH : trail.width; }
-    template <class Trail> WARPCAM_DEVICE static int height(const Trail& trail)
+    template <class History> WARPCAM_DEVICE static int width(const History& history)
     {
-        return WHOLE ? HEIGHT : trail.height;
+        return WHOLE ? WIDTH : history.width;
+    }
+    template <class History> WARPCAM_DEVICE static int height(const History& history)
+    {
+        return WHOLE ? HEIGHT : history.height;
     }
 
     // Index of a pixel's word: strips of eight pixels' width, so that the words of a tile are neighbours.
-    template <class Trail> WARPCAM_DEVICE static unsigned place_of(const Trail& trail, unsigned column, unsigned row)
+    template <class History>
+    WARPCAM_DEVICE static unsigned place_of(const History& history, unsigned column, unsigned row)
     {
-        return (column & ~7u) * height(trail) + (8u * row + (column & 7u));
+        return (column & ~7u) * height(history) + (8u * row + (column & 7u));
     }
     // Previous word of a pixel, by its coordinates or by its index; indices count from the start of the image.
-    template <class Trail> WARPCAM_DEVICE unsigned word_of(const Trail& trail, unsigned column, unsigned row) const
+    template <class History>
+    WARPCAM_DEVICE unsigned word_of(const History& history, unsigned column, unsigned row) const
     {
         if constexpr (NEAR)
             return near_words[NEAR_ROW * row + column];
         else
-            return word_at(words, place_of(trail, column, row));
+            return word_at(words, place_of(history, column, row));
     }
-    template <class Trail> WARPCAM_DEVICE unsigned word_at_place(const Trail& trail, float across, float along) const
+    template <class History>
+    WARPCAM_DEVICE unsigned word_at_place(const History& history, float across, float along) const
     {
         if constexpr (NEAR) {
             const unsigned from_first =
                 NEAR_BYTES * bits_below(along, ROW_START) + unsigned(sizeof(Word)) * bits_below(across, COLUMN_START);
             return *reinterpret_cast<const Word*>(reinterpret_cast<const char*>(near_words) + from_first);
         } else {
-            return word_of(trail, pixel_below(across), pixel_below(along));
+            return word_of(history, pixel_below(across), pixel_below(along));
         }
     }
 
     // Has the word on its way that a pixel that rests will need: it comes from far, and meanwhile the pixel is traced.
-    template <class Trail> WARPCAM_DEVICE void expect(const Trail& trail, int i, int j) const
+    template <class History> WARPCAM_DEVICE void expect(const History& history, int i, int j) const
     {
 #if defined(__CUDA_ARCH__)
         if (!NEAR)
-            asm volatile("prefetch.global.L1 [%0];" ::"l"(words + place_of(trail, i, j)));
+            asm volatile("prefetch.global.L1 [%0];" ::"l"(words + place_of(history, i, j)));
 #endif
     }
 
     // For one thread.
-    template <class Trail> WARPCAM_DEVICE void locate(const Trail& trail, int world)
+    template <class History> WARPCAM_DEVICE void locate(const History& history, int world)
     {
-        const bool in_first = wp::index(trail.known, world) == FIRST;
-        const size_t first = size_t(world) * ((trail.width + 7) / 8 * 8 * trail.height);
-        Word* one = reinterpret_cast<Word*>(trail.kept_first.data) + first;
-        Word* other = reinterpret_cast<Word*>(trail.kept_second.data) + first;
+        const bool in_first = wp::index(history.frame_state, world) == FIRST;
+        const size_t first = size_t(world) * ((history.width + 7) / 8 * 8 * history.height);
+        Word* one = reinterpret_cast<Word*>(history.first_words.data) + first;
+        Word* other = reinterpret_cast<Word*>(history.second_words.data) + first;
         words = in_first ? one : other;
         kept = in_first ? other : one;
         if constexpr (FLOORED) {
-            const size_t parts = size_t(world) * FlowFloor::parts_of(trail.width, trail.height);
-            unsigned char* these = trail.floor_first.data + parts;
-            unsigned char* those = trail.floor_second.data + parts;
+            const size_t parts = size_t(world) * FlowFloor::parts_of(history.width, history.height);
+            unsigned char* these = history.floor_first.data + parts;
+            unsigned char* those = history.floor_second.data + parts;
             floor.parts_then = in_first ? these : those;
             floor.parts_now = in_first ? those : these;
         }
         if (!LISTED)
-            motions = reinterpret_cast<const Float3Int*>(trail.motions.data) + size_t(world) * trail.columns * ROWS;
+            motions = reinterpret_cast<const Float3Int*>(history.motions.data) + size_t(world) * history.columns * ROWS;
     }
 
     // The motion of a shape where the stage of views has composed it: of all shapes the first row, of all the second,
@@ -261,33 +267,34 @@ struct VisibilityHistory {
         int columns;
         WARPCAM_DEVICE Float3Int at(unsigned row) const { return load(rows, row * columns); }
     };
-    template <class Trail> WARPCAM_DEVICE static Composed composed(const Trail& trail, int world, int shape)
+    template <class History> WARPCAM_DEVICE static Composed composed(const History& history, int world, int shape)
     {
-        const size_t first = size_t(unsigned(world * trail.columns * ROWS + shape));
-        return { reinterpret_cast<const Float3Int*>(trail.motions.data) + first, trail.columns };
+        const size_t first = size_t(unsigned(world * history.columns * ROWS + shape));
+        return { reinterpret_cast<const Float3Int*>(history.motions.data) + first, history.columns };
     }
 
     // Has all these motions, of at most WARP_SIZE shapes, on their way; for all threads of a block.
-    template <class Trail> WARPCAM_DEVICE void fetch_motions(const Trail& trail, int world, unsigned thread)
+    template <class History> WARPCAM_DEVICE void fetch_motions(const History& history, int world, unsigned thread)
     {
         static_assert(SHAPES <= WARP_SIZE && ROWS == THREADS / WARP_SIZE);
-        const unsigned shape = thread % WARP_SIZE, row = thread / WARP_SIZE, columns = trail.columns;
+        const unsigned shape = thread % WARP_SIZE, row = thread / WARP_SIZE, columns = history.columns;
         if (shape < columns)
-            copy_row(near_motions + (ROWS * (shape + 1) + row),
-                     reinterpret_cast<const Float3Int*>(trail.motions.data) + ((world * ROWS + row) * columns + shape));
+            copy_row(near_motions + (ROWS * (shape + 1) + row), reinterpret_cast<const Float3Int*>(history.motions.data)
+                                                                    + ((world * ROWS + row) * columns + shape));
         if (thread == 0)  // of nothing, which rests
-            near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_BRIEF) ? 0 : STILL };
+            near_motions[3] = { 0.0f, 0.0f, -1.0f, (WANTED & FLOW_COMPACT) ? 0 : STILL };
     }
 
     // Has all words on their way, if they are to be near; for all threads of a block.
-    template <class Shapes, class Trail> WARPCAM_DEVICE void fetch(const Shapes& shapes, const Trail& trail, int thread)
+    template <class Shapes, class History>
+    WARPCAM_DEVICE void fetch(const Shapes& shapes, const History& history, int thread)
     {
         if constexpr (FLOORED && NEAR) {
             const int row = thread - WARP_SIZE;  // those who look for floors in them
             if (unsigned(row) < unsigned(HEIGHT)) {
                 const auto shown = load_vector<FlowFloor::SIZE / FlowFloor::PART>(
                     floor.parts_then + row / FlowFloor::PART * (FlowFloor::SIZE / FlowFloor::PART));
-                const unsigned both = FlowFloor::word(floor_of(shapes, trail.columns)) * 0x00010001u;
+                const unsigned both = FlowFloor::word(floor_of(shapes, history.columns)) * 0x00010001u;
                 for (int k = 0; k < WIDTH / 8; ++k) {
                     Word* here = near_words + NEAR_ROW * row + 8 * k;
                     if (shown.at[k])

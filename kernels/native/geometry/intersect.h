@@ -48,8 +48,8 @@ template <class Vector> WARPCAM_DEVICE NumberOf<Vector> intersect_box(Vector o, 
     const Number mx = -o.x * ix, my = -o.y * iy, mz = -o.z * iz;
     const Number wx = abs(ix), wy = abs(iy), wz = abs(iz);
     const Number enter = max(max(mx - wx, my - wy), mz - wz);
-    const Number leave = min(min(mx + wx, my + wy), mz + wz);
-    return enter <= leave ? enter : MISS;
+    const Number t_far = min(min(mx + wx, my + wy), mz + wz);
+    return enter <= t_far ? enter : MISS;
 }
 
 // Interval of a ray inside the infinite cylinder of radius 1 about z: `middle` minus and plus `reach`.
@@ -83,8 +83,8 @@ template <class Vector> WARPCAM_DEVICE NumberOf<Vector> enter_cylinder(Vector o,
     const Number rate = rcp(avoid_zero(d.z));
     const Number cap = (-sign(rate) - o.z) * rate;  // the one that faces the ray
     const Number enter = max(side.middle - side.reach, cap);
-    const Number leave = min(side.middle + side.reach, cap + 2.0f * abs(rate));
-    return (side.hit & (enter <= leave)) ? enter : MISS;
+    const Number t_far = min(side.middle + side.reach, cap + 2.0f * abs(rate));
+    return (side.hit & (enter <= t_far)) ? enter : MISS;
 }
 
 // Radius 1, half length `half`.
@@ -134,9 +134,9 @@ WARPCAM_DEVICE NumberOf<Vector> enter_barrel(Vector o, Vector d, NumberOf<Vector
     const Number fx = o.x + middle * d.x, fy = o.y + middle * d.y;
     const Number gap = belly * belly - (fx * fx + fy * fy), reach = sqrt(max(gap, 0.0f) * inverse);
     const Number rate = rcp(avoid_zero(d.z)), level = -o.z * rate, wide = half * abs(rate);
-    const Number leave = min(middle + reach, level + wide), size = rcp(end + 1.0f);
+    const Number t_far = min(middle + reach, level + wide), size = rcp(end + 1.0f);
     Number t = max(middle - reach, level - wide);
-    MaskOf<Vector> meets = (gap >= 0.0f) & (t <= leave);
+    MaskOf<Vector> meets = (gap >= 0.0f) & (t <= t_far);
 #pragma unroll 1
     for (int step = 0; step < BARREL_STEPS; ++step) {
         const Number x = o.x + t * d.x, y = o.y + t * d.y, z = o.z + t * d.z;
@@ -146,7 +146,7 @@ WARPCAM_DEVICE NumberOf<Vector> enter_barrel(Vector o, Vector d, NumberOf<Vector
         meets &= (left <= 1.0e-6f) | (speed < 0.0f);
         t = left > 0.0f ? t - 0.5f * left * rcp(min(speed, -1.0e-20f)) : t;
     }
-    meets &= t <= leave + 1.0e-6f * (abs(leave) + 1.0f);
+    meets &= t <= t_far + 1.0e-6f * (abs(t_far) + 1.0f);
     return meets ? t : MISS;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 #include "shading/plane_grid.h"
 #include "shading/resolved_material.h"
+#include "core/conditional.h"
 #include "core/srgb.h"
 #include "texture/sampler.h"
 
@@ -84,20 +85,6 @@ struct ShapeToWorldRotation {
     }
 };
 
-struct None {};
-template <bool WANTED, class Value> struct Kept {
-    using type = Value;
-};
-template <class Value> struct Kept<false, Value> {
-    using type = None;
-};
-template <bool FIRST, class One, class Other> struct Either {
-    using type = One;
-};
-template <class One, class Other> struct Either<false, One, Other> {
-    using type = Other;
-};
-
 // Offset of a texture on its shape, in images.
 struct Shift {
     float shift_u, shift_v;
@@ -114,15 +101,15 @@ template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, 
 }
 
 // Only what the images need.
-template <class Types, class Wants> struct ShapeAppearance : Either<Wants::SHIFTED, Shift, Unmoved>::type {
+template <class Types, class Wants> struct ShapeAppearance : conditional_t<Wants::SHIFTED, Shift, Unmoved> {
     static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
-    typename Kept<Wants::SURFACE, ShapeFromCamera>::type pose;
+    optional_t<Wants::SURFACE, ShapeFromCamera> pose;
     static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
-    using Finish_ = typename Either<JOINT, JointFinish, ResolvedMaterial>::type;
-    typename Kept<Wants::COLORED, typename Either<Wants::COATED, PbrMaterial, Finish_>::type>::type finish;
-    typename Kept<Wants::TURNED, ShapeToWorldRotation>::type turn;
-    typename Kept<Wants::TEXTURED, TextureLayout>::type layout;
-    typename Kept<Wants::FACETED && Types::has(PLANE), PlaneGrid>::type cells;
+    using Finish_ = conditional_t<JOINT, JointFinish, ResolvedMaterial>;
+    optional_t<Wants::COLORED, conditional_t<Wants::COATED, PbrMaterial, Finish_>> finish;
+    optional_t<Wants::TURNED, ShapeToWorldRotation> turn;
+    optional_t<Wants::TEXTURED, TextureLayout> layout;
+    optional_t<Wants::FACETED && Types::has(PLANE), PlaneGrid> cells;
 };
 
 template <class Types, class Shapes, class Meshes>

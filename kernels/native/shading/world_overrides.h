@@ -11,7 +11,7 @@ template <class Textures> WARPCAM_DEVICE bool is_cube(const Textures& textures, 
 }
 
 // Facts of a scene and of a camera, beside those of shading/appearance.h. Values of flags.py.
-enum VarietyFact {
+enum OverrideFact {
     PER_WORLD_BACKGROUND = 1 << 21,   // worlds have a background or a skybox of their own
     HEADLIGHTS = 1 << 22,  // worlds have a headlight of their own
     HAS_EXPOSURE = 1 << 23      // the camera has an exposure
@@ -26,9 +26,9 @@ struct Backdrop {
 template <int FACTS, class Scene_> WARPCAM_DEVICE decltype(auto) background_of(const Scene_& scene, int world)
 {
     if constexpr ((FACTS & PER_WORLD_BACKGROUND) != 0) {
-        const auto& variety = scene.frame.variety;
-        const int skybox = wp::index(variety.skyboxes, remainder(world, variety.skyboxes.shape[0]));
-        return Backdrop { wp::index(variety.backgrounds, remainder(world, variety.backgrounds.shape[0])),
+        const auto& overrides = scene.frame.overrides;
+        const int skybox = wp::index(overrides.skyboxes, remainder(world, overrides.skyboxes.shape[0]));
+        return Backdrop { wp::index(overrides.backgrounds, remainder(world, overrides.backgrounds.shape[0])),
                           is_cube(scene.textures, skybox) ? skybox : -1 };
     } else {
         return (scene.background);
@@ -86,7 +86,7 @@ WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world
         const int index = material_of(scene.shapes, scene.materials, world, id);
         look.shift_u = look.shift_v = 0.0f;
         if (index >= 0) {
-            const auto offset = per_world(scene.frame.variety.texture_offsets, world, index);
+            const auto offset = per_world(scene.frame.overrides.texture_offsets, world, index);
             look.shift_u = offset[0];
             look.shift_v = offset[1];
         }
@@ -97,8 +97,9 @@ WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world
 template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& scene, int world, Vec3 light)
 {
     if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
-        const auto& variety = scene.frame.variety;
-        return pow(2.0f, wp::index(variety.exposures, world)) * mul(as_vec3(wp::index(variety.gains, world)), light);
+        const auto& overrides = scene.frame.overrides;
+        return pow(2.0f, wp::index(overrides.exposures, world))
+               * mul(as_vec3(wp::index(overrides.gains, world)), light);
     }
     return light;
 }

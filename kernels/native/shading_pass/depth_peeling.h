@@ -20,25 +20,27 @@ struct Composite {
 // Adds the surfaces between `near` and `limit`, which is negative where a pixel takes no part. `column` and `row` are
 // the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
-template <class Types, class Veils_, class RayOf, class Scene_, class Paint_>
-WARPCAM_DEVICE void peel(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float limit,
-                         int column, int row, const Paint_& paint, Composite& peeled)
+template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Paint_>
+WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
+                         float near, float limit, int column, int row, const Paint_& paint, Composite& peeled)
 {
     float from = near;
 #pragma unroll 1
     for (int sheet = 0; sheet < MAX_PEELS; ++sheet) {
         Hit hit { limit, -1, -1 };
 #if defined(__CUDA_ARCH__)
-        for (int begin = 0; begin < veils.count; begin += WARP_SIZE) {
+        for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
             const int mine = begin + threadIdx.x % WARP_SIZE;
-            const bool touched = mine < veils.count && touches(veils.touched[mine], column, row);
+            const bool touched =
+                mine < transparent_shapes.count && touches(transparent_shapes.touched[mine], column, row);
             for (unsigned mask = __ballot_sync(FULL_WARP, touched); mask; mask &= mask - 1)
-                meet_veil<Types>(veils.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields, hit);
+                meet_veil<Types>(transparent_shapes.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields,
+                                 hit);
         }
 #else
-        for (int slot = 0; slot < veils.count; ++slot)
-            if (touches(veils.touched[slot], column, row))
-                meet_veil<Types>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
+        for (int slot = 0; slot < transparent_shapes.count; ++slot)
+            if (touches(transparent_shapes.touched[slot], column, row))
+                meet_veil<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
 #endif
         const bool met = hit.shape >= 0;
         if (!warp_any(met))

@@ -44,16 +44,16 @@ WARPCAM_DEVICE float reach_of(const Shape& shape)
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
 // does not show itself. BACKS: planes are seen from behind.
 template <class Types, int LENS, bool BACKS, int CAPACITY, class Scene_>
-WARPCAM_DEVICE void gather_veils(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera,
-                                 const Region& region, Vec3 eye, int mirror, int world, int thread)
+WARPCAM_DEVICE void gather_transparent(TransparentShapes<CAPACITY>& list, const Scene_& scene, const Camera& camera,
+                                       const Region& region, Vec3 eye, int mirror, int world, int thread)
 {
     const auto& shapes = scene.shapes;
     const bool blind = !(abs(camera.origin.x) < MISS);
     if (thread == 0)
         list.count = 0;
     block_sync();
-    for (int i = thread; i < scene.frame.veils.shape[0] && !blind; i += THREADS) {
-        const int id = wp::index(scene.frame.veils, i);
+    for (int i = thread; i < scene.frame.transparent_shapes.shape[0] && !blind; i += THREADS) {
+        const int id = wp::index(scene.frame.transparent_shapes, i);
         float alpha = opacity(shapes, scene.materials, world, id);
         Shape shape = load_shape(shapes, world, id);
         const Vec3 away = eye - shape.position;
@@ -111,13 +111,13 @@ WARPCAM_DEVICE void walk_mesh(const Meshes& meshes, const ShapeRecord& record, c
     int stack[STACK], height = 0, node = 0;
     while (node != NO_NODE) {
         if (node >= 0) {
-            float enter[4], leave[4], best = MISS;
+            float enter[4], t_far[4], best = MISS;
             int child[4];
-            boxes.test(node_rows<Types>(meshes, nodes, node), near, hit.depth, enter, leave, child);
+            boxes.test(node_rows<Types>(meshes, nodes, node), near, hit.depth, enter, t_far, child);
             node = NO_NODE;
 #pragma unroll
             for (int k = 0; k < 4; ++k)
-                if (enter[k] <= leave[k]) {
+                if (enter[k] <= t_far[k]) {
                     const bool nearer = enter[k] < best;
                     if (node != NO_NODE)
                         stack[height++] = nearer ? node : child[k];
@@ -205,24 +205,25 @@ struct MujocoBlend {
 // `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
 // it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
-template <class Types, class Veils_, class RayOf, class Scene_, class Shade, class Note>
-WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf& ray, float near, float solid,
-                          int column, int row, const Shade& shade, const Note& note, MujocoBlend& covered)
+template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Shade, class Note>
+WARPCAM_DEVICE void cover(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
+                          float near, float solid, int column, int row, const Shade& shade, const Note& note,
+                          MujocoBlend& covered)
 {
     const float limit = AS_FAR * solid;
     const auto draw = [&](int rank) {
-        const int slot = veils.order[rank], type = veils.records[slot].axis_x.w;
+        const int slot = transparent_shapes.order[rank], type = transparent_shapes.records[slot].axis_x.w;
         const int sheets = type == MESH || type == HEIGHT_FIELD ? MAX_SHEETS : 1;
         float from = near, to = limit;
 #pragma unroll 1
         for (int sheet = 0; sheet < sheets; ++sheet) {
             Hit hit { to, -1, -1 };
-            meet_veil<Types>(veils.records[slot], ray, from, scene.meshes, scene.fields, hit);
+            meet_veil<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
             const bool met = hit.shape >= 0;
             if (!warp_any(met))
                 break;
             Vec3 linear, display;
-            const float opacity = shade(met, hit, linear, display) * veils.opacity[slot];
+            const float opacity = shade(met, hit, linear, display) * transparent_shapes.opacity[slot];
             if (met) {
                 covered.add(opacity, linear, display);
                 note(hit, opacity);
@@ -232,15 +233,16 @@ WARPCAM_DEVICE void cover(const Veils_& veils, const Scene_& scene, const RayOf&
         }
     };
 #if defined(__CUDA_ARCH__)
-    for (int begin = 0; begin < veils.count; begin += WARP_SIZE) {
+    for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
         const int rank = begin + threadIdx.x % WARP_SIZE;
-        const bool mine = rank < veils.count && touches(veils.touched[veils.order[rank]], column, row);
+        const bool mine = rank < transparent_shapes.count
+                          && touches(transparent_shapes.touched[transparent_shapes.order[rank]], column, row);
         for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1)
             draw(begin + ctz(mask));
     }
 #else
-    for (int rank = 0; rank < veils.count; ++rank)
-        if (touches(veils.touched[veils.order[rank]], column, row))
+    for (int rank = 0; rank < transparent_shapes.count; ++rank)
+        if (touches(transparent_shapes.touched[transparent_shapes.order[rank]], column, row))
             draw(rank);
 #endif
 }

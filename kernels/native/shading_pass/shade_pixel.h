@@ -50,11 +50,11 @@ WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, co
 // Covers what is seen of a pixel with the transparent shapes before it, nearer than `limit`. Returns how much is still
 // seen of it.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
-          class Veils_>
-WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights, const Scene_& scene,
-                                   const Camera& camera, const Veils_& veils, const Region& region, int world,
-                                   const Pixel& pixel, float x, float y, const Hit& solid, float limit,
-                                   ShadedPixel& shown)
+          class TransparentShapes_>
+WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& lights, const Scene_& scene,
+                                         const Camera& camera, const TransparentShapes_& transparent_shapes,
+                                         const Region& region, int world, const Pixel& pixel, float x, float y,
+                                         const Hit& solid, float limit, ShadedPixel& shown)
 {
     const bool takes_part = pixel.inside && !((FACTS & MIRROR_VIEW) && solid.shape == -1);
     const CameraRay<LENS> ray { x, y };
@@ -80,7 +80,7 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
             return alpha;
         };
         Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
-        peel<Types>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
             shown.display = linear_to_srgb(shown.linear);
@@ -108,7 +108,8 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
                     && wp::index(scene.shapes.types, hit.shape) != PLANE)
                     first = hit;
         };
-        cover<Types>(veils, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note, covered);
+        cover<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note,
+                     covered);
         if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
@@ -124,10 +125,11 @@ WARPCAM_DEVICE float resolve_veils(const Appearances* looks, const List& lights,
 
 // `painted`: what the pixel shows, a Shown, where that is known.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
-          class Veils_, class Camera_, class... Painted_>
+          class TransparentShapes_, class Camera_, class... Painted_>
 WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
-                                  const Camera_& camera, const Veils_& veils, const Region& region, int world,
-                                  const Pixel& pixel, PixelHit found, const Painted_&... painted)
+                                  const Camera_& camera, const TransparentShapes_& transparent_shapes,
+                                  const Region& region, int world, const Pixel& pixel, PixelHit found,
+                                  const Painted_&... painted)
 {
     constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
     using Wants = ShadingNeeds<IMAGES, FACTS>;
@@ -211,8 +213,8 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             if constexpr ((FACTS & HAS_HAZE) != 0)
                 limit =
                     min(sky, mist.density > 0.0f ? min(limit, mist.depth) : limit);  // these hide what is behind them
-            const float left = resolve_veils<Types, LENS, CAPACITY, IMAGES, FACTS>(
-                looks, lights, scene, camera, veils, region, world, pixel, x, y, solid, limit, shown);
+            const float left = resolve_transparent<Types, LENS, CAPACITY, IMAGES, FACTS>(
+                looks, lights, scene, camera, transparent_shapes, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;
         }
         const unsigned word = to_bytes(shown.display);

@@ -9,15 +9,15 @@
 namespace warpcam {
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
-// VEILS: how many shapes may be transparent.
-template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int VEILS = 0,
+// MAX_TRANSPARENT: how many shapes may be transparent.
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int MAX_TRANSPARENT = 0,
           class Scene_, class Lights>
 WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
-    using Sheets = typename Kept<VEILS != 0, TransparentShapes<VEILS != 0 ? VEILS : 1>>::type;
-    constexpr int SHARED_BYTES = 44032 - (VEILS != 0 ? int(sizeof(Sheets)) : 0);
+    using Sheets = optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
+    constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(Sheets)) : 0);
     constexpr int CACHED =
         CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -39,10 +39,10 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                   APPEARANCE_BYTES = sizeof(ShapeAppearance<Types, Untextured<Wants>>);
     constexpr int LEFT = (SHARED_BYTES - 2048 - CORNERS * int(sizeof(float)) - 2 * PLACES) / APPEARANCE_BYTES;
     constexpr int SEEN = CAPACITY > 0 && LEFT > 1 ? (LEFT < CAPACITY ? LEFT : CAPACITY) : 1;
-    using Held = typename Either<SOME, SeenLooks<Types, Wants, PLACES, SEEN>, Appearances>::type;
+    using Held = conditional_t<SOME, SeenLooks<Types, Wants, PLACES, SEEN>, Appearances>;
     constexpr int HELD = SOME ? -1 : CACHED;
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
-    using Lit_ = typename Either<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>::type;
+    using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
 #if defined(__CUDA_ARCH__)
     constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
                   BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
@@ -51,16 +51,16 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~STORE_QUADS : FACTS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
-    WARPCAM_SHARED typename Kept<IN_STRIPS, StripPlan>::type plan;
+    WARPCAM_SHARED optional_t<IN_STRIPS, StripPlan> plan;
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
 #else
     constexpr bool IN_STRIPS = false;
 #endif
     constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
-    using List = typename Either<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>::type;
-    WARPCAM_SHARED typename Either<(FACTS & PHYSICAL) != 0, AreaLights, List>::type list;
+    using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
+    WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
     WARPCAM_SHARED Camera kept_camera;
-    WARPCAM_SHARED Sheets veils;
+    WARPCAM_SHARED Sheets transparent_shapes;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
@@ -82,7 +82,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if (thread == THREADS - WARP_OR_ONE && headlight_shines(lights))
             list.lights[0].place = make_float3_int(as_vec3(mirror.headlight), 0);
     }
-    if constexpr (VEILS != 0) {
+    if constexpr (MAX_TRANSPARENT != 0) {
         Region seen = region;
         Vec3 eye = camera.origin;
         int mirror = -1;
@@ -92,7 +92,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             eye = as_vec3(at.eye);
             mirror = at.shape;
         }
-        gather_veils<Types, LENS, (FACTS & PHYSICAL) == 0>(veils, scene, camera, seen, eye, mirror, world, thread);
+        gather_transparent<Types, LENS, (FACTS & PHYSICAL) == 0>(transparent_shapes, scene, camera, seen, eye, mirror,
+                                                                 world, thread);
     }
 #if defined(__CUDA_ARCH__)
     if constexpr (CACHED > 0)
@@ -109,10 +110,10 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     block_sync();
 #else
     bool made[CACHED > 0 ? CACHED : 1] = {};
-    if constexpr (VEILS != 0 && CACHED > 0)
-        for (int slot = 0; slot < veils.count; ++slot) {
-            const int place = wp::index(scene.shapes.places, veils.ids[slot]);
-            looks[place] = load_appearance_for<Types, Wants>(scene, camera, world, veils.ids[slot]);
+    if constexpr (MAX_TRANSPARENT != 0 && CACHED > 0)
+        for (int slot = 0; slot < transparent_shapes.count; ++slot) {
+            const int place = wp::index(scene.shapes.places, transparent_shapes.ids[slot]);
+            looks[place] = load_appearance_for<Types, Wants>(scene, camera, world, transparent_shapes.ids[slot]);
             made[place] = true;
         }
     if constexpr (CORNERS > 0 && CACHED > 0)
@@ -171,8 +172,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
-                                                                    world, one, find<Types, IMAGES, FACTS>(frame, one));
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
+                                                                    region, world, one,
+                                                                    find<Types, IMAGES, FACTS>(frame, one));
             });
         return;
     }
@@ -189,11 +191,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
-                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), veils, region, world,
-                    pixel, found);
+                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), transparent_shapes,
+                    region, world, pixel, found);
             else
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, veils, region,
-                                                                    world, pixel, found);
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
+                                                                    region, world, pixel, found);
         }
     }
 #else
@@ -240,7 +242,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
                         resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
-                            looks, list, scene, own_camera(pixel), veils, region, world, pixel,
+                            looks, list, scene, own_camera(pixel), transparent_shapes, region, world, pixel,
                             find<Types, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
                     }
             }
@@ -252,8 +254,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 const PixelHit found = find<Types, IMAGES, FACTS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
-                resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel), veils, region,
-                                                                world, pixel, found);
+                resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel),
+                                                                transparent_shapes, region, world, pixel, found);
             }
     }
 #endif

@@ -99,11 +99,11 @@ WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Pa
 
 // Adds the outlines of shapes from `begin` on that may shade something in the region, until there is no more room;
 // returns where to go on.
-template <class Types, class Crowd_, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shapes, const Materials& materials,
-                                   const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                                   const Camera& camera, const ReceiverBounds& all, const Grid& grid, int world,
-                                   int thread)
+template <class Types, class CasterList_, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_DEVICE int gather_outlines(CasterList_& caster_list, int begin, const Shapes& shapes,
+                                   const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                                   const LightView& light, const Camera& camera, const ReceiverBounds& all,
+                                   const Grid& grid, int world, int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
@@ -115,13 +115,13 @@ WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shape
             if (prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && (grid.endless || may_occlude(caster.window, caster.height, all.window, all.floor))
                 && !transparent(shapes, materials, world, id)) {
-                const int slot = atomic_append(crowd.count);
-                crowd.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
+                const int slot = atomic_append(caster_list.count);
+                caster_list.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
             }
         }
-        if (total > Crowd_::CAPACITY) {  // the next round may be too much
+        if (total > CasterList_::CAPACITY) {  // the next round may be too much
             block_sync();
-            const bool full = crowd.count + min(THREADS, total - begin) > Crowd_::CAPACITY;
+            const bool full = caster_list.count + min(THREADS, total - begin) > CasterList_::CAPACITY;
             block_sync();
             if (full)
                 break;
@@ -132,14 +132,14 @@ WARPCAM_DEVICE int gather_outlines(Crowd_& crowd, int begin, const Shapes& shape
 }
 
 // Picks casters that may shade a patch from outline `from` on, as many as are tried at a time; where to go on.
-template <class Crowd_> WARPCAM_DEVICE int pick(const Crowd_& crowd, const PackedCasterBounds& points, int from,
-                                                int* places, int& picked, int lane)
+template <class CasterList_> WARPCAM_DEVICE int pick(const CasterList_& caster_list, const PackedCasterBounds& points,
+                                                     int from, int* places, int& picked, int lane)
 {
     picked = 0;
-    while (from < crowd.count) {
+    while (from < caster_list.count) {
         const int slot = from + lane;
-        const PackedCasterBounds outline = crowd.outlines[min(slot, crowd.count - 1)];
-        bool mine = slot < crowd.count && may_occlude(outline, points);
+        const PackedCasterBounds outline = caster_list.outlines[min(slot, caster_list.count - 1)];
+        bool mine = slot < caster_list.count && may_occlude(outline, points);
         const unsigned found = __ballot_sync(FULL_WARP, mine);
         const int rank = picked + __popc(found & ((1u << lane) - 1u));
         mine = mine && rank < PICKED;
@@ -218,16 +218,16 @@ WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const Light
 }
 
 // Casts the shadows of one light, as far as they come from the crowd.
-template <class Types, int LENS, int WIDTH, int HEIGHT, class Crowd_, class Shapes, class Materials, class Meshes,
+template <class Types, int LENS, int WIDTH, int HEIGHT, class CasterList_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
-WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patch* patches, const Grid& grid,
+WARPCAM_DEVICE void cast_patches(CasterList_& caster_list, PickedCasters& picks, const Patch* patches, const Grid& grid,
                                  const LightPass<LENS>& task, const Camera& camera, const Shapes& shapes,
                                  const Materials& materials, const Meshes& meshes, const HeightFields& fields,
                                  const Target& target, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     while (true) {
-        const int patch = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(crowd.next_patch) : 0, 0);
+        const int patch = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(caster_list.next_patch) : 0, 0);
         if (patch >= COUNT)
             return;
         const int tiles = patches[patch].tiles;
@@ -238,7 +238,7 @@ WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patc
         do {
             int picked;
             warp_sync();  // what was picked before is done with
-            from = pick(crowd, points, from, picks.places, picked, lane);
+            from = pick(caster_list, points, from, picks.places, picked, lane);
             if (picked == 0)
                 break;
             warp_sync();
@@ -249,19 +249,19 @@ WARPCAM_DEVICE void cast_patches(Crowd_& crowd, PickedCasters& picks, const Patc
                 if (tiles >> tile & 1)
                     cast_tile<Types>(picks.list, task, shapes, meshes, fields, target, patch % ACROSS * PATCH,
                                      patch / ACROSS * PATCH + tile * TILE_HEIGHT, lane);
-        } while (from < crowd.count);
+        } while (from < caster_list.count);
     }
 }
 
 // Shadows in one region of one view, as cast() has them, of shapes without meshes.
 template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
-WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                               const HeightFields& fields, const Lights& lights, const Views& views,
-                               const Target& target, int index)
+WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                              const HeightFields& fields, const Lights& lights, const Views& views,
+                              const Target& target, int index)
 {
     static_assert(!Types::has(MESH));
-    WARPCAM_SHARED CasterTiles<CAPACITY> crowd;
+    WARPCAM_SHARED CasterTiles<CAPACITY> caster_list;
     WARPCAM_SHARED PickedCasters picks[WARPS];
     WARPCAM_SHARED Patch patches[WIDTH / PATCH * (HEIGHT / PATCH)];
     WARPCAM_SHARED ReceiverBounds all;
@@ -312,14 +312,14 @@ WARPCAM_DEVICE void cast_crowd(const Shapes& shapes, const Materials& materials,
         int begin = 0;
         do {
             if (thread == 0)
-                crowd.count = crowd.next_patch = 0;
+                caster_list.count = caster_list.next_patch = 0;
             block_sync();
             if (!all.any)
                 break;
-            begin = gather_outlines<Types>(crowd, begin, shapes, materials, meshes, fields, task.view.light, camera,
-                                           all, grid, world, thread);
-            if (crowd.count > 0)
-                cast_patches<Types, LENS, WIDTH, HEIGHT>(crowd, picks[warp], patches, grid, task, camera, shapes,
+            begin = gather_outlines<Types>(caster_list, begin, shapes, materials, meshes, fields, task.view.light,
+                                           camera, all, grid, world, thread);
+            if (caster_list.count > 0)
+                cast_patches<Types, LENS, WIDTH, HEIGHT>(caster_list, picks[warp], patches, grid, task, camera, shapes,
                                                          materials, meshes, fields, target, lane);
             if (begin < total)
                 block_sync();  // the crowd is still in use

@@ -95,9 +95,9 @@ template <int CAPACITY> struct PickedWindows : Windows<CAPACITY> {
 // Shadows in one region of one view, as cast() has them, of shapes without meshes.
 template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
-inline void cast_crowd(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                       const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
-                       int index)
+inline void cast_many(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                      const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
+                      int index)
 {
     static_assert(!Types::has(MESH));
     constexpr int ACROSS = WIDTH / TILE_WIDTH, DOWN = HEIGHT / TILE_HEIGHT;

@@ -191,13 +191,13 @@ WARPCAM_DEVICE void cast_rays(ShadowRays<WORDS, Boxes>& rays, const List& list, 
         unsigned stepping = __ballot_sync(FULL_WARP, inner);
         while (stepping) {
             if (inner) {
-                float enter[4], leave[4];
+                float enter[4], t_far[4];
                 int child[4];
-                boxes.test(node_rows<Types>(meshes, nodes, node), 0.0f, far, enter, leave, child);
+                boxes.test(node_rows<Types>(meshes, nodes, node), 0.0f, far, enter, t_far, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
-                    const bool met = enter[k] <= leave[k], waits = k > 0 && met && node != NO_NODE;
+                    const bool met = enter[k] <= t_far[k], waits = k > 0 && met && node != NO_NODE;
                     if (waits)
                         stack[height] = node;
                     height += waits ? 1 : 0;

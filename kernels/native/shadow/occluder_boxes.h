@@ -13,7 +13,7 @@ constexpr int SHUTTER_ROWS = 3;
 constexpr int ALL_SHUTTER_ROWS = (SHUTTER_ROWS + 1) * SHUTTERS;
 
 // True if meshes have occluder boxes: see accel/meshes.py.
-template <class Types> constexpr bool has_shutters()
+template <class Types> constexpr bool uses_occluder_boxes()
 {
     return Types::has(HAS_OCCLUDER_BOXES) && !Types::has(ALPHA_TESTED);
 }
@@ -40,10 +40,10 @@ struct OccluderBox {
         const float rate = rcp(avoid_zero(way(along))), middle = -place(along) * rate;
         const float x = place(across), y = place(up), dx = way(across), dy = way(up);
         const float half = abs(rate);
-        const float enter = middle - half, leave = middle + half;
+        const float enter = middle - half, t_far = middle + half;
         // of a straight line's two ends one is farther aside than its middle by as much as the other is nearer
         const float most = max(abs(x + middle * dx) + abs(half * dx), abs(y + middle * dy) + abs(half * dy));
-        return ((enter > span.near) & (leave < span.reach)) ? most : MISS;
+        return ((enter > span.near) & (t_far < span.reach)) ? most : MISS;
     }
 };
 
@@ -59,7 +59,7 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
     const ShapeRecord& record = list.records[slot];
     const int row = record.axis_z.w * ALL_SHUTTER_ROWS + SHUTTER_ROWS * SHUTTERS;
     const Vec3 at =
-        as_vec3(load(meshes.shutters.data, unsigned(row) + threadIdx.x % WARP_SIZE)) - as_vec3(record.origin);
+        as_vec3(load(meshes.occluder_boxes.data, unsigned(row) + threadIdx.x % WARP_SIZE)) - as_vec3(record.origin);
     const Vec3 there = at.x * as_vec3(record.axis_x) + at.y * as_vec3(record.axis_y) + at.z * as_vec3(record.axis_z);
     const Vec3 from = light.distant ? there : there - light.aim;
     const Vec3 p { dot(light.u, from), dot(light.v, from), dot(light.w, from) };
@@ -102,14 +102,14 @@ template <class Meshes> WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes,
                         { of(ray.direction.x), of(ray.direction.y), of(ray.direction.z) } };
         const Span its_span { of(span.near), of(span.reach) };
         const int its_mesh = __shfl_sync(FULL_WARP, mesh, from);
-        const float aside = OccluderBox::load_from(meshes.shutters.data, its_mesh, lane).aside(its, its_span);
+        const float aside = OccluderBox::load_from(meshes.occluder_boxes.data, its_mesh, lane).aside(its, its_span);
         const int least = warp_reduce_min((as_int(aside) & ~(WARP_SIZE - 1)) | lane);
         if (lane == from)
             asks = false;
         if (least >= as_int(1.0f))
             break;
         const float own =
-            OccluderBox::load_from(meshes.shutters.data, its_mesh, least & (WARP_SIZE - 1)).aside(ray, span);
+            OccluderBox::load_from(meshes.occluder_boxes.data, its_mesh, least & (WARP_SIZE - 1)).aside(ray, span);
         const bool stops = (own < 1.0f) & (slot == __shfl_sync(FULL_WARP, slot, from)) & (asks | (lane == from));
         stopped |= stops;
         asks &= !stops;

@@ -171,7 +171,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
                 keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
                 tries = keep && !facing.clear;
             }
-            if constexpr (has_shutters<Types>()) {
+            if constexpr (uses_occluder_boxes<Types>()) {
                 if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
@@ -249,7 +249,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                          int index)
 {
     constexpr int BESIDE = lights_per_batch<Types, CAPACITY>();
-    WARPCAM_SHARED CasterList<CAPACITY, Types::has(MESH), BESIDE == 2 && has_shutters<Types>()> lists[BESIDE];
+    WARPCAM_SHARED CasterList<CAPACITY, Types::has(MESH), BESIDE == 2 && uses_occluder_boxes<Types>()> lists[BESIDE];
     WARPCAM_SHARED LightPass<LENS> tasks[BESIDE];
     const int thread = index % THREADS, block = index / THREADS;
     const int columns = (target.width + WIDTH - 1) / WIDTH, rows = (target.height + HEIGHT - 1) / HEIGHT;
@@ -311,7 +311,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 collect_casters<Types, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
                                                   lane);
                 warp_sync();
-                if constexpr (has_shutters<Types>()) {
+                if constexpr (uses_occluder_boxes<Types>()) {
                     for (int slot = 0; slot < list.count; ++slot)
                         if (list.records[slot].axis_x.w == MESH)
                             outline_caster(list, slot, view.light, meshes);

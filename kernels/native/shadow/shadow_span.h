@@ -57,8 +57,8 @@ WARPCAM_DEVICE bool meets_box(const ShapeRecord& record, const Float3Int& aim, c
     const Vec3 half { (box.half.x + pad) * abs(inverse.x), (box.half.y + pad) * abs(inverse.y),
                       (box.half.z + pad) * abs(inverse.z) };
     const float enter = max(max(middle.x - half.x, middle.y - half.y), max(middle.z - half.z, span.near));
-    const float leave = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, span.reach));
-    return enter <= leave;
+    const float t_far = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, span.reach));
+    return enter <= t_far;
 }
 
 // True if a height field shades the point p of shape `id`. Points inside the ground are shaded by the side through

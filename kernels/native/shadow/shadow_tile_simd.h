@@ -64,8 +64,8 @@ inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box,
     const Vec3x8 half { (box.half.x + pad) * abs(inverse.x), (box.half.y + pad) * abs(inverse.y),
                         (box.half.z + pad) * abs(inverse.z) };
     const Float8 enter = max(max(middle.x - half.x, middle.y - half.y), max(middle.z - half.z, near));
-    const Float8 leave = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, reach));
-    return enter <= leave;
+    const Float8 t_far = min(min(middle.x + half.x, middle.y + half.y), min(middle.z + half.z, reach));
+    return enter <= t_far;
 }
 
 // Eight rays as WorldRay, whose comments hold here, at a mesh.

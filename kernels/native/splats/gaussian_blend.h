@@ -234,8 +234,8 @@ WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, in
         images.semantics.data[at] = per_world(images.semantic_of, world, hit.shape);
     if constexpr ((WANTED & FLOWS) != 0) {
         VisibilityHistory<WANTED> places;
-        places.locate(scene.frame.trail, world);
-        put_flow<0, LENS, WANTED>(scene.frame.trail, places, scene.shapes, camera, seen, hit, world, column, row, 0,
+        places.locate(scene.frame.history, world);
+        put_flow<0, LENS, WANTED>(scene.frame.history, places, scene.shapes, camera, seen, hit, world, column, row, 0,
                                   at);
     }
 }

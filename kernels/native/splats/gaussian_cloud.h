@@ -147,8 +147,8 @@ WARPCAM_DEVICE void walk(const Splats& splats, const Cloud& cloud, const Ray& ra
                 const float y0 = lo.y * s.scale.y + s.down.y, y1 = hi.y * s.scale.y + s.up.y;
                 const float z0 = lo.z * s.scale.z + s.down.z, z1 = hi.z * s.scale.z + s.up.z;
                 const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), from));
-                const float leave = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), until));
-                found[k] = enter <= leave ? key_of(enter, unsigned(lo.w)) : NO_KEY;
+                const float t_far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), until));
+                found[k] = enter <= t_far ? key_of(enter, unsigned(lo.w)) : NO_KEY;
             }
             order(found[0], found[1]);
             order(found[2], found[3]);

@@ -165,13 +165,13 @@ WARPCAM_DEVICE void trace_rays(Rays& rays, const List& list, const Meshes& meshe
         unsigned stepping = __ballot_sync(FULL_WARP, inner);
         while (stepping) {
             if (inner) {
-                float enter[4], leave[4], best = MISS;
+                float enter[4], t_far[4], best = MISS;
                 int child[4];
-                boxes.test(node_rows<Types>(meshes, nodes, node), near, depth, enter, leave, child);
+                boxes.test(node_rows<Types>(meshes, nodes, node), near, depth, enter, t_far, child);
                 node = NO_NODE;
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {  // without branches
-                    const bool met = enter[k] <= leave[k], nearer = met && enter[k] < best;
+                    const bool met = enter[k] <= t_far[k], nearer = met && enter[k] < best;
                     const int other = nearer ? node : child[k];
                     const bool waits = k > 0 && met && other != NO_NODE;
                     if constexpr (Rays::ANY) {

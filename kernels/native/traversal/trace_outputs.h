@@ -57,7 +57,8 @@ constexpr bool names_slots(int outputs) { return outputs & (NORMAL | TRACE_ALBED
 // True if a block tests a plane as a whole against the previous image.
 template <class Types> constexpr bool looks_at_floors(int lens, int outputs, int shapes, int width, int height)
 {
-    const int needs = FLOW_VALID | FLOW_BRIEF | FLOW_LISTED | NO_PARTIAL_TILES | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
+    const int needs =
+        FLOW_VALID | FLOW_COMPACT | FLOW_LISTED | NO_PARTIAL_TILES | (outputs & FLOW_WHOLE ? FLOW_NEAR : 0);
     const bool parts =
         width == FlowFloor::SIZE && height == FlowFloor::SIZE && tiles_at_once<Types>(width, height) == 2;
     return (outputs & needs) == needs && !names_slots(outputs) && parts && Types::has(PLANE) && !Types::has(MESH)

@@ -78,8 +78,8 @@ struct TraceTarget {
     WARPCAM_DEVICE void begin(int thread) const
     {
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
-            compose_motions<OUTPUTS, Types, LENS>(target.trail, shapes, camera, places.then, world,
-                                                  target.trail.keep && region.left == 0 && region.top == 0, thread,
+            compose_motions<OUTPUTS, Types, LENS>(target.history, shapes, camera, places.then, world,
+                                                  target.history.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
     }
 
@@ -89,8 +89,8 @@ struct TraceTarget {
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
-            const int shape = floor_of(shapes, target.trail.columns);
-            begin_floor(places, target.trail, region, row, shape);
+            const int shape = floor_of(shapes, target.history.columns);
+            begin_floor(places, target.history, region, row, shape);
             if (OUTPUTS & FLOW_NEAR) {
                 await_rows();
                 find_row(places, row, shape);
@@ -104,11 +104,11 @@ struct TraceTarget {
     {
 #if defined(__CUDA_ARCH__)
         if constexpr (Places_::LOOKS_AT_FLOORS) {
-            const int shape = floor_of(shapes, target.trail.columns);
+            const int shape = floor_of(shapes, target.history.columns);
             if (threadIdx.x % WARP_SIZE != 0)
                 return;
             if constexpr ((OUTPUTS & LISTED_AHEAD) != 0)  // those that the block copies are not there yet
-                find_slopes(places, Places_::composed(target.trail, world, shape), shapes, seen_by, world, shape);
+                find_slopes(places, Places_::composed(target.history, world, shape), shapes, seen_by, world, shape);
             else
                 find_slopes(places, places.of_shape(shape), shapes, seen_by, world, shape);
         }
@@ -163,7 +163,7 @@ struct TraceTarget {
     {
         if constexpr ((OUTPUTS & FLOW_VALID) != 0)
             if (inside(i, j))
-                places.expect(target.trail, i, j);
+                places.expect(target.history, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if constexpr (has_table(LENS))
             if (is_blind(ray(i, j)))
@@ -205,7 +205,7 @@ struct TraceTarget {
         if constexpr ((WHAT & NORMAL) != 0)
             put_three(target.normals.data, pixel, normal_of(hit, seen));
         if constexpr ((WHAT & FLOWS) != 0)
-            put_flow<Types, LENS, WHAT>(target.trail, places, shapes, camera, seen, { hit.depth, shape, hit.face },
+            put_flow<Types, LENS, WHAT>(target.history, places, shapes, camera, seen, { hit.depth, shape, hit.face },
                                         world, i, j, k * TILE_HEIGHT, pixel);
     }
 
@@ -256,7 +256,7 @@ struct TraceTarget {
     {
         if constexpr (Places_::LOOKS_AT_FLOORS) {
             const FlowFloor& floor = places.floor;
-            const auto& trail = target.trail;
+            const auto& history = target.history;
             const unsigned here = FlowFloor::part_of(i, j);
             const int seen = *const_cast<const volatile int*>(floor.seen + here), shape = seen & FlowFloor::NONE;
             if (!__all_sync(FULL_WARP, hit[0].shape == shape && hit[1].shape == shape)) {
@@ -267,17 +267,17 @@ struct TraceTarget {
             // The words of a part lie together, two a lane; of whether pixels were seen eight lanes have a row each.
             if (!WHOLE) {
                 const unsigned word = FlowFloor::word(shape) * 0x00010001u;
-                keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(trail, i, j) - lane)), lane,
+                keep_word(reinterpret_cast<unsigned*>(places.kept + (Places_::place_of(history, i, j) - lane)), lane,
                           word);
             }
             constexpr unsigned ONES = 0x01010101u;
             if (!(seen & FlowFloor::OUTSIDE) && lane < FlowFloor::PART) {
-                unsigned char* row = trail.flow_valid.data + at(i, j) + lane * (Places_::width(trail) - 1);
+                unsigned char* row = history.flow_valid.data + at(i, j) + lane * (Places_::width(history) - 1);
                 *reinterpret_cast<uint2*>(row) = make_uint2(ONES, ONES);
             }
             constexpr bool TOGETHER = (OUTPUTS & FLOW) && (OUTPUTS & LISTED_AHEAD);  // else more is spilled
             if constexpr (TOGETHER)
-                put_flow_of<LENS>(trail, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
+                put_flow_of<LENS>(history, places, shape, hit, i, j, TILE_HEIGHT, [&](int k) { return at(i, j, k); });
             for (int k = 0; k < TILES_PER_WARP; ++k) {
                 put<OUTPUTS & ~(TOGETHER ? FLOWS : FLOW_VALID)>(i, j, { hit[k].depth, shape, hit[k].face }, k);
                 if (seen & FlowFloor::OUTSIDE) {
@@ -287,8 +287,8 @@ struct TraceTarget {
                                 rate = rcp(depth);
                     const Beside across(project_previous<LENS>(rows.at(0), column, row, hit[k].depth), rate);
                     const Beside along(project_previous<LENS>(rows.at(1), column, row, hit[k].depth), rate);
-                    const bool inside = across.inside(Places_::width(trail)) & along.inside(Places_::height(trail));
-                    trail.flow_valid.data[at(i, j, k)] =
+                    const bool inside = across.inside(Places_::width(history)) & along.inside(Places_::height(history));
+                    history.flow_valid.data[at(i, j, k)] =
                         static_cast<unsigned char>(settled((depth >= rows.at(3).z) & inside));
                 }
             }

@@ -106,11 +106,11 @@ WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int 
 // these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is known of
 // the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
 template <class Types, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
-          class HeightFields, class Trail, class Lists, class Faults>
+          class HeightFields, class History, class Lists, class Faults>
 WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
-                                const Meshes& meshes, const HeightFields& fields, const Trail& trail,
+                                const Meshes& meshes, const HeightFields& fields, const History& history,
                                 const Lists& lists, const Faults& faults, int columns, int width, int height,
-                                bool brief, int first_world, int worlds, int slot, int shape, int thread)
+                                bool compact, int first_world, int worlds, int slot, int shape, int thread)
 {
     constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0,
                    HITS_NAME_SLOTS = names_slots(WANTED);
@@ -155,12 +155,12 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     const size_t first_row = 4 * size_t(unsigned(world * columns)) + shape;
     const Float3Int* before = nullptr;
     if (FLOWING && drawn && state != 0) {
-        Float3Int* const one = reinterpret_cast<Float3Int*>(trail.before.data) + first_row;
-        Float3Int* const other = reinterpret_cast<Float3Int*>(trail.after.data) + first_row;
+        Float3Int* const one = reinterpret_cast<Float3Int*>(history.before.data) + first_row;
+        Float3Int* const other = reinterpret_cast<Float3Int*>(history.after.data) + first_row;
         before = state == FIRST ? one : other;
         for (int row = 0; row < 4; ++row)
             asm volatile("prefetch.global.L1 [%0];" ::"l"(before + row * columns));
-        if (trail.keep)
+        if (history.keep)
             keep_pose(state == FIRST ? other : one, columns, pose);
     }
     TileRect tiles;
@@ -217,9 +217,9 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     }
     // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
-        compose_motion<false, DEPTHS>(trail, pose_before(before, columns), pose, kind, state, camera,
-                                      cameras_then()[at].camera, LENS == PINHOLE, Types::has(PER_SHAPE_SCALE), brief,
-                                      reinterpret_cast<Float3Int*>(trail.motions.data) + first_row, columns);
+        compose_motion<false, DEPTHS>(history, pose_before(before, columns), pose, kind, state, camera,
+                                      cameras_then()[at].camera, LENS == PINHOLE, Types::has(PER_SHAPE_SCALE), compact,
+                                      reinterpret_cast<Float3Int*>(history.motions.data) + first_row, columns);
 }
 
 #endif

@@ -350,16 +350,16 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
         camera = load_camera(wp::index(views, world));
         begin_list(list);
         if constexpr (FLOWING)
-            places.locate(target.trail, world);
+            places.locate(target.history, world);
     }
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
         if (thread == THREADS / 2)
-            places.then = load_camera(wp::index(target.trail.views_before, world));
+            places.then = load_camera(wp::index(target.history.views_before, world));
     if (!wanted)
         return;
     block_sync();
     if constexpr (FLOWING)
-        places.fetch(shapes, target.trail, thread);
+        places.fetch(shapes, target.history, thread);
     if constexpr (Canvas_::LINED)
         for (int n = thread; thread < THREADS - WARP_SIZE && n < WIDTH + HEIGHT;
              n += THREADS - WARP_SIZE)  // see draw_apart()
@@ -369,7 +369,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
                            world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
     const auto hidden = [&](int id) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.veil_places, world, id);
+            return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.transparent_index, world, id);
         else
             return transparent(shapes, materials, world, id);
     };

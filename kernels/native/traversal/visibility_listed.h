@@ -37,7 +37,7 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     const auto from = PackedShapeList<CAPACITY, names_slots(OUTPUTS)>::of(target.lists, world);
     from.fetch(room.list, shapes.drawn.shape[0], thread);
     if constexpr (FLOWING)
-        room.places.fetch_motions(target.trail, world, thread);
+        room.places.fetch_motions(target.history, world, thread);
     const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
     if constexpr (Canvas_::LINED) {
         constexpr int STACK = Canvas_::TILES_PER_WARP * TILE_HEIGHT,
@@ -61,8 +61,8 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     const bool finds = thread >= WARP_SIZE && thread < THREADS - WARP_SIZE;
     if constexpr ((OUTPUTS & FLOW_VALID) != 0)
         if (finds || !Near::LOOKS_AT_FLOORS) {
-            room.places.locate(target.trail, world);  // all write the same
-            room.places.fetch(shapes, target.trail, thread);
+            room.places.locate(target.history, world);  // all write the same
+            room.places.fetch(shapes, target.history, thread);
         }
     const Canvas_ canvas {
         target, shapes,      room.list,         room.list.camera, { 0, 0, WIDTH, HEIGHT },
