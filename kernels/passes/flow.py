@@ -40,7 +40,7 @@ class FlowHistory:
     # depth then and what is added to it [m], and nothing nearer than that may have been seen there; nearest planar
     # depth then [m]; as int bits twice the first corner of a mesh that moves, or -2, and 1 more where the three rows
     # lead to the same pixel. Three more: what a shift in the own frame of such a mesh adds to the first three. Of a
-    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Where words are compact
+    # motion that is not known the rows lead to the same pixel, but to a depth behind the camera. Of compact words
     # the fourth has: part and shift in the steps that the depth then was counted in, the shift with TO_WHOLE added;
     # nearest depth, or -1 where the rows lead to the same pixel; how many steps a metre of the depth now has.
     motions: wp.array2d(dtype=wp.vec4)

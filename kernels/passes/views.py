@@ -45,7 +45,7 @@ CLIP_NONE = 0  # infinity
 CLIP_MAX = 1  # far
 CLIP_ZERO = 2
 
-# What is known of a world's last frame: FlowHistory.frame_state of flow.py. What it showed is kept in the first or the second
+# State of a world's last frame, FlowHistory.frame_state of flow.py. What it showed is kept in the first or the second
 # of two places, and what is shown goes to the other.
 SECOND, FIRST = 1, 2
 NEW = 4  # nothing is known; what is shown goes to the first. Between frames: 0

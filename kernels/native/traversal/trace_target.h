@@ -78,7 +78,7 @@ struct TraceTarget {
     WARPCAM_DEVICE void begin(int thread) const
     {
         if constexpr ((OUTPUTS & FLOWS) && (OUTPUTS & FLOW_LISTED))
-            compose_motions<OUTPUTS, Types, LENS>(target.history, shapes, camera, places.then, world,
+            compose_motions<OUTPUTS, Types, LENS>(target.history, shapes, camera, places.previous, world,
                                                   target.history.keep && region.left == 0 && region.top == 0, thread,
                                                   places.near_motions);
     }

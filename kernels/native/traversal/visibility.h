@@ -354,7 +354,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     }
     if constexpr (FLOWING && (OUTPUTS & FLOW_LISTED))
         if (thread == THREADS / 2)
-            places.then = load_camera(wp::index(target.history.views_before, world));
+            places.previous = load_camera(wp::index(target.history.views_before, world));
     if (!wanted)
         return;
     block_sync();
