@@ -3,14 +3,7 @@
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.build.bvh4 import HEADERS, SCRATCH
-from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
-
-_OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone, as in bvh4.py
-    extra_cpu_include_dirs=[str(NATIVE)],
-    extra_cpu_preamble=f'#include "{(NATIVE / "build/box_builder.h").as_posix()}"',
-    extra_build_dependencies=[str(header) for header in (*HEADERS, NATIVE / "build/box_builder.h")],
-)
+from warpcam.kernels.build.bvh4 import SCRATCH, builder_options
 
 
 @wp.func_native("""
@@ -30,7 +23,7 @@ def _build(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS, **compiler_flags()})
+@wp.kernel(module="unique", enable_backward=False, module_options=builder_options("box_builder.h"))
 def _build_kernel(
     boxes: wp.array(dtype=wp.float32),
     count: wp.int32,

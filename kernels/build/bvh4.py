@@ -1,5 +1,7 @@
 """Building one mesh's 4-wide tree: ``native/build/bvh4_builder.h`` as a kernel of one CPU thread."""
 
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -15,11 +17,19 @@ HEADERS = tuple(
 
 SCRATCH = 320  # bytes a face or box, as kScratch
 
-_OPTIONS = wp.ModuleBuildOptions(  # for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel
-    extra_cpu_include_dirs=[str(NATIVE)],
-    extra_cpu_preamble=f'#include "{(NATIVE / "build/bvh4_builder.h").as_posix()}"',
-    extra_build_dependencies=[str(header) for header in HEADERS],
-)
+
+def builder_options(header: str) -> dict[str, Any]:
+    """Options of a module with a builder in ``native/build/``.
+
+    They are for the CPU alone: a build for CUDA, which nothing launches, is of an empty kernel.
+    """
+    path = NATIVE / "build" / header
+    build = wp.ModuleBuildOptions(
+        extra_cpu_include_dirs=[str(NATIVE)],
+        extra_cpu_preamble=f'#include "{path.as_posix()}"',
+        extra_build_dependencies=[str(used) for used in dict.fromkeys((*HEADERS, path))],
+    )
+    return {"extra_build_options": build, **compiler_flags()}
 
 
 @wp.func_native("""
@@ -42,7 +52,7 @@ def _build(
 ): ...
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options={"extra_build_options": _OPTIONS, **compiler_flags()})
+@wp.kernel(module="unique", enable_backward=False, module_options=builder_options("bvh4_builder.h"))
 def _build_kernel(
     vertices: wp.array(dtype=wp.float32),
     faces: wp.array(dtype=wp.int32),

@@ -64,11 +64,6 @@ def ball_normals() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return hit, place - SPHERE_AT, -ray[hit]
 
 
-def encoded(linear: np.ndarray) -> np.ndarray:
-    linear = np.clip(linear, 0.0, 1.0)
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
-
-
 def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return (a * b).sum(axis=-1, keepdims=True)
 

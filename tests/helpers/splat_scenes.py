@@ -9,6 +9,7 @@ import numpy as np
 import scenes
 
 import warpcam as wc
+from warpcam.core.color import encoded_beyond
 
 BASE = 0.28209479177387814
 FOVY = 40.0
@@ -151,9 +152,7 @@ def reference(clouds: Sequence[Placed], camera: wc.Camera, behind: Mapping[str, 
 
 def shown(images: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """With hdr, which is light, as the display values that splats are blended in."""
-    light = np.maximum(images["hdr"], 0.0) if "hdr" in images else np.zeros(3)
-    display = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
-    return {**images, **({"hdr": display} if "hdr" in images else {})}
+    return {**images, **({"hdr": encoded_beyond(np.maximum(images["hdr"], 0.0))} if "hdr" in images else {})}
 
 
 def nothing(camera: wc.Camera) -> dict[str, np.ndarray]:

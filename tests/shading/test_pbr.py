@@ -9,6 +9,7 @@ import warp as wp
 from PIL import Image
 
 import warpcam as wc
+from warpcam.core.color import linear_to_srgb, srgb_to_linear
 
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import (
@@ -20,7 +21,6 @@ from pbr_scenes import (
     ball_normals,
     bind,
     dot,
-    encoded,
     see,
     textured_floor,
     unit,
@@ -54,8 +54,8 @@ def test_a_matt_ball_under_the_sun(stage: Usd.Stage, device: wp.Device) -> None:
     hit, normals, _ = ball_normals()
     wanted = color * np.array((1.0, 0.9, 0.7)) * np.maximum(normals @ toward, 0.0)[:, None]
     np.testing.assert_allclose(seen["hdr"][hit], wanted, atol=1e-3)
-    assert np.abs(seen["rgb"][hit].astype(int) - 255.0 * encoded(wanted)).max() <= 1.0
-    assert np.abs(seen["albedo"][hit] - 255.0 * encoded(color)).max() <= 0.51
+    assert np.abs(seen["rgb"][hit].astype(int) - 255.0 * linear_to_srgb(wanted)).max() <= 1.0
+    assert np.abs(seen["albedo"][hit] - 255.0 * linear_to_srgb(color)).max() <= 0.51
 
 
 @pytest.mark.parametrize("roughness", [0.15, 0.3, 0.6, 1.0])
@@ -126,8 +126,7 @@ def test_what_a_map_makes_shine(stage: Usd.Stage, tmp_path: Path, device: wp.Dev
     uniform(tmp_path / "glow.png", (188, 0, 99))
     textured_floor(stage, emissiveColor=("./glow.png", "rgb", "sRGB"))
     add_sun(stage, (0.0, 0.0, 1.0), (0.25, 0.25, 0.25))
-    coded = np.array((188, 0, 99)) / 255.0
-    glow = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    glow = srgb_to_linear(np.array((188, 0, 99)) / 255.0)
     np.testing.assert_allclose(see(stage, device, "hdr")["hdr"][SIZE // 2, SIZE // 2], 0.25 + glow, atol=1e-3)
 
 
@@ -166,7 +165,7 @@ def test_materials_are_written_in_place(stage: Usd.Stage, device: wp.Device) -> 
     assert scene.array("material_roughness").numpy().tolist() == [[pytest.approx(0.3)]]
     scene.array("material_roughness").fill_(0.6)
     scene.array("material_metallic").fill_(1.0)
-    scene.set_colors(["/ball"], np.array([[encoded(np.array((0.9, 0.5, 0.2)))]], np.float32))
+    scene.set_colors(["/ball"], np.array([[linear_to_srgb(np.array((0.9, 0.5, 0.2)))]], np.float32))
     after = renderer.render()["c"]["hdr"][0].cpu().numpy()
     hit, normals, to_eye = ball_normals()
     toward = np.broadcast_to(UPRIGHT, normals.shape)

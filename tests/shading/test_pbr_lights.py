@@ -10,9 +10,10 @@ import warp as wp
 from PIL import Image
 
 import warpcam as wc
+from warpcam.core.color import linear_to_srgb, srgb_to_linear
 
 pytest.importorskip("pxr.Usd")
-from pbr_scenes import UPRIGHT, add_ball, add_sun, ball_normals, bind, dot, encoded, see, textured_floor, unit
+from pbr_scenes import UPRIGHT, add_ball, add_sun, ball_normals, bind, dot, see, textured_floor, unit
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 from usd_stages import add_square, image
 
@@ -26,20 +27,19 @@ def test_a_sky_of_one_colour(stage: Usd.Stage, tmp_path: Path, device: wp.Device
     color = np.array((0.5, 0.25, 1.0))
     add_ball(stage, diffuseColor=tuple(color), ior=1.0)
     seen = see(stage, device, "hdr", "rgb")
-    coded = np.array((188, 137, 99)) / 255.0
-    radiance = 2.0 * ((coded + 0.055) / 1.055) ** 2.4
+    radiance = 2.0 * srgb_to_linear(np.array((188, 137, 99)) / 255.0)
     hit = ball_normals()[0]
     np.testing.assert_allclose(seen["hdr"][hit], np.broadcast_to(color * radiance, (hit.sum(), 3)), rtol=5e-3)
     # Behind it is the image, as bright as it lights.
     np.testing.assert_allclose(seen["hdr"][0, 0], radiance, rtol=5e-3)
-    assert np.abs(seen["rgb"][0, 0] - 255.0 * encoded(radiance)).max() <= 1.0
+    assert np.abs(seen["rgb"][0, 0] - 255.0 * linear_to_srgb(radiance)).max() <= 1.0
 
 
 def test_a_sky_lights_from_where_it_is_bright(stage: Usd.Stage, tmp_path: Path, device: wp.Device) -> None:
     """Radiance 1 + z is 1 + 2/3 n.z on a matt surface, and in a mirror what is there."""
     height, width = 64, 128
     up = np.sin(np.pi * (0.5 - (np.arange(height) + 0.5) / height))
-    pixels = np.rint(255.0 * encoded(0.5 * (1.0 + up)))[:, None, None].repeat(width, 1).repeat(3, 2)
+    pixels = np.rint(255.0 * linear_to_srgb(0.5 * (1.0 + up)))[:, None, None].repeat(width, 1).repeat(3, 2)
     Image.fromarray(pixels.astype(np.uint8)).save(tmp_path / "sky.png")
     dome = UsdLux.DomeLight.Define(stage, "/sky")
     dome.CreateTextureFileAttr("./sky.png")

@@ -8,6 +8,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
+from warpcam.core.color import linear_to_srgb
 
 newton = pytest.importorskip("newton")
 from newton_scenes import eye, finalize, pose, tetrahedron  # noqa: E402
@@ -71,8 +72,7 @@ def test_surfaces_lie_over_one_another_by_distance_in_every_world(device: wp.Dev
 
 
 def display(linear: np.ndarray) -> np.ndarray:
-    value = np.clip(linear, 0.0, 1.0)
-    return 255.0 * np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1.0 / 2.4) - 0.055)
+    return 255.0 * linear_to_srgb(linear)
 
 
 def test_a_pane_is_laid_over_once_and_all_but_colours_are_those_of_a_solid_one(device: wp.Device) -> None:

@@ -9,6 +9,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.accel.gaussians import GaussianCloud, pack_gaussians
+from warpcam.core.color import encoded_beyond, srgb_to_linear
 
 newton = pytest.importorskip("newton")
 import splat_scenes  # noqa: E402, newton may be missing
@@ -269,14 +270,6 @@ def test_linear_colours_are_shown_encoded(device: wp.Device) -> None:
     assert seen["rgb"][12, 16] == pytest.approx((188, 89, 3), abs=1)
 
 
-def decoded(display: np.ndarray) -> np.ndarray:
-    return np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
-
-
-def encoded(light: np.ndarray) -> np.ndarray:
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
-
-
 def test_exposure_and_gain_of_each_world(device: wp.Device) -> None:
     """A cloud's colour is light as well: with what is behind exposed likewise, and its opacity as it is."""
     robot = newton.ModelBuilder()
@@ -296,11 +289,11 @@ def test_exposure_and_gain_of_each_world(device: wp.Device) -> None:
     front.gain[1, 2] = 0.5
     seen = scenes.on_host(renderer.render()["eye"])
     gains = np.array((0.5, 0.5, 0.25))
-    splat, behind = (encoded(gains * decoded(np.array(color))) for color in (RED, GREY))
+    splat, behind = (encoded_beyond(gains * srgb_to_linear(np.array(color))) for color in (RED, GREY))
     middle = 0.6 * splat + 0.4 * behind
     assert seen["rgb"][1, 12, 16] * STEP == pytest.approx(middle, abs=2.0 * STEP)
     assert seen["rgba"][1, 12, 16, :3] * STEP == pytest.approx(middle, abs=2.0 * STEP)
-    assert seen["hdr"][1, 12, 16] == pytest.approx(decoded(middle), abs=1e-4)
+    assert seen["hdr"][1, 12, 16] == pytest.approx(srgb_to_linear(middle), abs=1e-4)
     assert (seen["rgba"][..., 3] == same["rgba"][..., 3]).all()
     assert (seen["albedo"] == same["albedo"]).all()
     for world in (0, 2):

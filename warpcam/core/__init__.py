@@ -1,1 +1,1 @@
-"""Errors, devices, arrays and torch interoperation: what every other room may use."""
+"""Modules that every other room may use: errors, devices, arrays, colours, rotations, torch interoperation."""

@@ -9,6 +9,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.core import torch_interop
+from warpcam.core.color import srgb_to_linear
 
 newton = pytest.importorskip("newton", reason="pip install 'warpcam[newton]'")
 import newton_scenes  # noqa: E402, newton may be missing
@@ -105,8 +106,7 @@ def test_quality_is_all_that_a_ray_meets_each_once(device: wp.Device) -> None:
     hit = solid & sure
     behind = light[..., None] * np.asarray(camera.background)
     color = (expected["hdr"] - behind)[hit] / (1.0 - light[hit])[:, None]
-    decoded = np.where(color <= 0.04045, color / 12.92, ((color + 0.055) / 1.055) ** 2.4)
-    assert np.abs(seen["hdr_color_image"][hit] - decoded).max() < 2e-3
+    assert np.abs(seen["hdr_color_image"][hit] - srgb_to_linear(color)).max() < 2e-3
     theirs = (found[TheirCamera]["shape_index_image"] == 0) & ~solid
     assert (theirs & sure).sum() > 20  # it counts some again; else the page on this sensor is to be changed
     fast = seen_by(SensorCamera, model, state)

@@ -10,12 +10,10 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.types import Meshes
 from warpcam.scene.scene import Scene
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
-from warpcam.sources.mujoco.shape_tables import VisualGeomArrays, names_of
+from warpcam.sources.mujoco.shape_tables import ModelSource, VisualGeomArrays, names_of
 from warpcam.sources.mujoco.visual_geoms import check_kinds, with_visual_geoms
 
 NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
@@ -23,7 +21,7 @@ NAMES = (*model.DATA_NAMES, *model.MODEL_NAMES, "headlight")
 of_data, of_model = attrgetter(*model.DATA_NAMES.values()), attrgetter(*model.MODEL_NAMES.values())
 
 
-class MujocoWarpSource:
+class MujocoWarpSource(ModelSource):
     """The live arrays of a MuJoCo-Warp Model and Data, and the host's model for what they lack."""
 
     live_on_device = True
@@ -77,10 +75,6 @@ class MujocoWarpSource:
         values = (*of_data(self._d), *of_model(self._m), self._headlight, *extras)
         return dict(zip(self._names, values, strict=True))
 
-    @property
-    def color_blend(self) -> VisualGeomArrays | None:
-        return self._tables
-
     def user_owned(self, field: str) -> bool:
         return field in model.MODEL_NAMES and not (self._tables is not None and field.startswith("shape_"))
 
@@ -95,15 +89,6 @@ class MujocoWarpSource:
 
     def refresh(self) -> None:
         pass
-
-    def kernels(self) -> list[wp.Kernel]:
-        return [] if self._tables is None else self._tables.kernels()
-
-    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        return () if self._tables is None else self._tables.stages(meshes)
-
-    def bind(self, state: Any) -> None:
-        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
 
     def forward(self) -> None:
         with wp.ScopedDevice(self.device):  # MuJoCo-Warp launches on Warp's current device

@@ -10,21 +10,19 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.types import Meshes
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
 from warpcam.scene.source import LIVE_ARRAYS
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
 from warpcam.sources.mujoco.mjv_geoms import MjvGeomSlots
-from warpcam.sources.mujoco.shape_tables import DTYPES, VisualGeomArrays, names_of
+from warpcam.sources.mujoco.shape_tables import DTYPES, ModelSource, VisualGeomArrays, names_of
 from warpcam.sources.mujoco.visual_geoms import check_kinds, colors_of, with_visual_geoms
 
 ALIGNMENT = 16  # of each array in the block [bytes]
 
 
-class MujocoSource:
+class MujocoSource(ModelSource):
     """An MjModel and one MjData for each world.
 
     All arrays lie in one block of memory, once on the host and once on the device, so that a frame needs one copy.
@@ -89,10 +87,6 @@ class MujocoSource:
     def arrays(self) -> Mapping[str, wp.array]:
         return self._arrays if self._tables is None else self._tables.arrays(self._arrays)
 
-    @property
-    def color_blend(self) -> VisualGeomArrays | None:
-        return self._tables
-
     def user_owned(self, field: str) -> bool:
         return False
 
@@ -139,15 +133,6 @@ class MujocoSource:
         self._staged["shape_colors"][:, decor.hidden[decor.hidden < self._mjm.ngeom]] = 0.0
         if decor.lights:
             self._staged["headlight"][:] = 0.0
-
-    def kernels(self) -> list[wp.Kernel]:
-        return [] if self._tables is None else self._tables.kernels()
-
-    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
-        return () if self._tables is None else self._tables.stages(meshes)
-
-    def bind(self, state: Any) -> None:
-        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")
 
     def forward(self) -> None:
         for mjd in self._mjds:

@@ -242,3 +242,22 @@ def _as(array: wp.array, dtype: Any) -> wp.array:
     rows, size = array.shape[0], wp.types.type_size_in_bytes(dtype)
     width = array.size * wp.types.type_size_in_bytes(array.dtype) // (rows * size)
     return wp.array(ptr=array.ptr, shape=(rows, width), dtype=dtype, device=array.device, deleter=keep)
+
+
+class ModelSource:
+    """Parts that the sources of classic MuJoCo and MuJoCo-Warp share: stages of visual geoms, if there are any."""
+
+    _tables: VisualGeomArrays | None
+
+    @property
+    def color_blend(self) -> VisualGeomArrays | None:
+        return self._tables
+
+    def kernels(self) -> list[wp.Kernel]:
+        return [] if self._tables is None else self._tables.kernels()
+
+    def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
+        return () if self._tables is None else self._tables.stages(meshes)
+
+    def bind(self, state: Any) -> None:
+        raise WarpcamError("bind: this scene reads the data that it was made from; make another scene for another")

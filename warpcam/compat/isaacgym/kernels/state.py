@@ -161,16 +161,20 @@ def place_cameras(
 # Images go to memory of their own for each camera, at addresses that never change: 0 is none.
 
 
+@wp.func
+def place_of(addresses: wp.array(dtype=wp.uint64), pixels: wp.int32, index: wp.int32):
+    """World and pixel of a thread, and the address of the world's image."""
+    world = index // pixels
+    return world, index - world * pixels, addresses[world]
+
+
 @wp.kernel(enable_backward=False)
 def write_colors(
     image: wp.array2d(dtype=wp.uint32),  # (world, pixel)
     addresses: wp.array(dtype=wp.uint64),  # (world,)
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    address = addresses[world]
+    world, pixel, address = place_of(addresses, image.shape[1], first + wp.tid())
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.uint32)
         out[pixel] = image[world, pixel]
@@ -182,10 +186,7 @@ def write_depth(
     addresses: wp.array(dtype=wp.uint64),  # (world,)
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    address = addresses[world]
+    world, pixel, address = place_of(addresses, image.shape[1], first + wp.tid())
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.float32)
         out[pixel] = -image[world, pixel]
@@ -198,10 +199,7 @@ def write_ids(
     addresses: wp.array(dtype=wp.uint64),  # (world,)
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    address = addresses[world]
+    world, pixel, address = place_of(addresses, image.shape[1], first + wp.tid())
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(image.shape[1],), dtype=wp.int32)
         shape = image[world, pixel]
@@ -226,10 +224,7 @@ def write_flow(
     addresses: wp.array(dtype=wp.uint64),  # (world,)
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    world = index // image.shape[1]
-    pixel = index - world * image.shape[1]
-    address = addresses[world]
+    world, pixel, address = place_of(addresses, image.shape[1], first + wp.tid())
     if address != wp.uint64(0):
         out = wp.array(ptr=address, shape=(2 * image.shape[1],), dtype=wp.int16)
         right = wp.int16(0)
