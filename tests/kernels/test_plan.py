@@ -72,10 +72,21 @@ def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
 
 
 def test_outputs_of_a_trace_are_its_flags() -> None:
-    key = traced(scene(), CPU, "depth", "points", "instances", "ids")
-    assert key.outputs == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
-    assert traced(scene(), CPU, "flow").outputs == TraceFlag.FLOW | TraceFlag.FLOW_BRIEF
+    key = traced(scene(), CARD, "depth", "points", "instances", "ids")
+    images = key.outputs & (trace.OPTIONAL | TraceFlag.NORMAL)
+    assert images == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
+    assert traced(scene(), CPU, "flow").outputs & ~trace.OPTIONAL == TraceFlag.FLOW | TraceFlag.FLOW_BRIEF
     assert TraceFlag.OPAQUE in traced(scene(), CPU, opaque=True).outputs
+
+
+@pytest.mark.parametrize("by_world", [False, True])
+def test_traces_of_a_cpu_share_a_kernel_whichever_images_they_write(by_world: bool) -> None:
+    tables = scene(ids_by_world=by_world)
+    images = [("depth",), ("shape",), ("distance", "points"), ("bodies", "ids"), ("instances", "semantics"), ("face",)]
+    assert len({traced(tables, CPU, *some) for some in images}) == 1
+    assert len({traced(tables, CARD, *some) for some in images}) == len(images)
+    assert len({traced(tables, CPU, *some, opaque=True) for some in (("depth",), ("depth", "shape", "face"))}) == 1
+    assert traced(tables, CPU, "normals") != traced(tables, CPU, "depth") != traced(tables, CPU, "flow")
 
 
 def test_a_cpu_is_told_nothing_of_the_images_size() -> None:
