@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import warp as wp
 from sphere_scenes import Simulation
 
 from warpcam.kernels import types
@@ -18,7 +19,7 @@ from warpcam.kernels.flags import (
     ShadingFlag,
     TraceFlag,
 )
-from warpcam.kernels.plan import edges, frame, shading, shadow, trace
+from warpcam.kernels.plan import edges, frame, launches, shading, shadow, trace
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
@@ -87,6 +88,18 @@ def test_traces_of_a_cpu_share_a_kernel_whichever_images_they_write(by_world: bo
     assert len({traced(tables, CARD, *some) for some in images}) == len(images)
     assert len({traced(tables, CPU, *some, opaque=True) for some in (("depth",), ("depth", "shape", "face"))}) == 1
     assert traced(tables, CPU, "normals") != traced(tables, CPU, "depth") != traced(tables, CPU, "flow")
+
+
+@pytest.mark.parametrize(
+    ("shapes", "faces", "ids", "stored"),
+    [(127, 2**16 - 1, wp.int8, wp.uint16), (128, 2**16, wp.int16, wp.int32), (2**15 + 1, 0, wp.int32, wp.uint16)],
+)
+def test_ids_and_faces_have_one_type_on_a_cpu_and_small_ones_on_a_card(
+    shapes: int, faces: int, ids: Any, stored: Any
+) -> None:
+    tables = scene(num_shapes=shapes, num_faces=faces)
+    assert launches.id_dtypes(tables, CARD) == (ids, stored)
+    assert launches.id_dtypes(tables, CPU) == (wp.int32, wp.int32)
 
 
 def test_a_cpu_is_told_nothing_of_the_images_size() -> None:

@@ -29,14 +29,13 @@ from warpcam.scene.layers import shows_mirrors, shows_transparent
 ALWAYS_ALLOWED = 32 * 2**20
 PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of the images whose edges can be smooth
 ALIGNMENT = 256  # of a buffer [bytes]
-SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 
 Name = TypeVar("Name", bound=Hashable)
 LentImages = Mapping[str | int, Mapping[str, wp.array]]  # images by camera and name
 Buffer = tuple[str | int, int, str]  # camera, first world and name
 
 
-def buffers_of(camera: Camera, tables: SceneTables) -> dict[str, Any]:
+def buffers_of(camera: Camera, tables: SceneTables, device: wp.Device) -> dict[str, Any]:
     """The buffers between the stages that this camera's outputs need, those aside that are outputs: dtypes by name."""
     asked = [OUTPUTS[name] for name in camera.outputs]
     lit = camera.shadows and tables.num_lights > 0 and any(output.lit for output in asked)
@@ -62,11 +61,11 @@ def buffers_of(camera: Camera, tables: SceneTables) -> dict[str, Any]:
         "mirror face": mirrors and faces,
     }
     smooth = smooth_outputs(camera.outputs, camera.antialiasing)
-    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
+    ids, face = launches.id_dtypes(tables, device)
     dtypes = {
         "depth": wp.float32,
         "shape": ids,
-        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
+        "face": face,
         "shadow": wp.uint8,
     }
     chosen = {name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
@@ -300,7 +299,7 @@ class Scratch:
 
     def _buffers_of(self, camera: Camera) -> dict[str, Any]:
         placed = self._in_place(camera)
-        found = buffers_of(camera, self._tables)
+        found = buffers_of(camera, self._tables, self._device)
         return {name: dtype for name, dtype in found.items() if not (placed and name.startswith("lit "))}
 
     def _in_place(self, camera: Camera) -> bool:
