@@ -11,7 +11,7 @@ from warpcam.kernels.passes.closest_hit import closest_hit_kernel
 from warpcam.kernels.passes.trace_target import target_struct
 from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.passes import register
-from warpcam.kernels.plan.trace import ARRAYS, LABELS, TraceKey
+from warpcam.kernels.plan.trace import ARRAYS, TraceKey
 from warpcam.kernels.runtime.launch import Stage
 
 
@@ -59,13 +59,10 @@ def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     elif kind == "albedo":
         target.albedo = frame.get(planned, "albedo")
         target.textures, target.plane = tables.textures, tables.first_plane
-    for role in LABELS:
+    for role, table in (("instances", "instance_of"), ("semantics", "semantic_of")):
         if (image := frame.find(planned, role)) is not None:
             setattr(target.labels, role, image)
-    if key.outputs & TraceFlag.INSTANCES:
-        target.labels.instance_of = tables.labels["instances"]
-    if key.outputs & TraceFlag.SEMANTICS:
-        target.labels.semantic_of = tables.labels["semantics"]
+            setattr(target.labels, table, tables.labels[role])
     if key.outputs & TraceFlag.OPAQUE:
         target.transparent_index = frame.layers.transparent_index
     if frame.lists is not None and kind in ("plain", "flow"):

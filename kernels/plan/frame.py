@@ -29,7 +29,6 @@ KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | 
 Key = TypeVar("Key")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
-SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
 
@@ -152,7 +151,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     mirrors = mirrors and request.lens not in launches.TABLES
     capacity = 0 if transparent else _list_capacity(tables, request, device)
     in_place = bool(smooth) and edges.in_place(tables, smooth, request.width, request.height, device)
-    buffers = _buffers(tables, request, transparent, mirrors, () if in_place else smooth)
+    buffers = _buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
     planner = _Planner(tables, request, device, group, buffers, mirrors, capacity > 0)
     rest = tuple(name for name in request.outputs if name not in lit)
     if transparent:  # what is seen through is not where the other outputs have it
@@ -194,7 +193,12 @@ def _late(tables: SceneTables, request: ImageRequest) -> frozenset[str]:
 
 
 def _buffers(
-    tables: SceneTables, request: ImageRequest, transparent: bool, mirrors: bool, smooth: Sequence[str]
+    tables: SceneTables,
+    request: ImageRequest,
+    device: wp.Device,
+    transparent: bool,
+    mirrors: bool,
+    smooth: Sequence[str],
 ) -> dict[str, Any]:
     """Buffers between the passes, with their dtypes; ``smooth``: outputs that are lit into a buffer first."""
     asked = [OUTPUTS[name] for name in request.outputs]
@@ -215,10 +219,11 @@ def _buffers(
         "mirror shape": mirrors,
         "mirror face": mirrors and faces,
     }
+    ids, faces_dtype = launches.id_dtypes(tables, device)
     dtypes = {
         "depth": wp.float32,
-        "shape": next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most),
-        "face": wp.uint16 if tables.num_faces < 2**16 else wp.int32,
+        "shape": ids,
+        "face": faces_dtype,
         "shadow": wp.uint8,
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}

@@ -40,6 +40,8 @@ CPU_SETS = (
     GeometryFlag.CONE | GeometryFlag.BARREL,
 )
 
+SHAPE_IDS = {wp.int8: 127, wp.int16: 2**15, wp.int32: 2**31}  # up to how many shapes
+
 Key = TypeVar("Key")
 
 
@@ -87,6 +89,14 @@ def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = Fa
 def is_analytic(shape_types: Set[int]) -> bool:
     """Return whether there are neither meshes nor height fields, which rays walk through."""
     return {MESH, HEIGHT_FIELD}.isdisjoint(shape_types)
+
+
+def id_dtypes(tables: SceneTables, device: wp.Device) -> tuple[Any, Any]:
+    """Return the types of shape ids and faces between stages: small ones on CUDA, on a CPU one for all scenes."""
+    if device.is_cpu:
+        return wp.int32, wp.int32
+    ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
+    return ids, wp.uint16 if tables.num_faces < 2**16 else wp.int32
 
 
 def regions_of(width: int, height: int, region: tuple[int, int]) -> int:

@@ -30,6 +30,18 @@ ARRAYS = {
     "normals": TraceFlag.NORMAL,
 }
 LABELS = {"instances": TraceFlag.INSTANCES, "semantics": TraceFlag.SEMANTICS}
+# Images that CPU kernels write if their arrays are there, so that all cameras of a scene share a kernel: all but
+# normals, for which hits name slots, and flow. Where transparent shapes are left out there are the first three alone.
+BUFFERS = TraceFlag.DEPTH | TraceFlag.SHAPE | TraceFlag.FACE
+OPTIONAL = (
+    BUFFERS
+    | TraceFlag.DISTANCE
+    | TraceFlag.POINTS
+    | TraceFlag.BODIES
+    | TraceFlag.IDS
+    | TraceFlag.INSTANCES
+    | TraceFlag.SEMANTICS
+)
 LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/shape_list.h, ShapeList
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
@@ -128,6 +140,8 @@ def plan_trace(
     capacity = launches.list_capacity(tables.num_drawn, most)
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
+    if device.is_cpu:
+        outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
     painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         threes = not {"points", "normals"}.isdisjoint(images)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+import warp as wp
 from sphere_scenes import Simulation
 
 from warpcam.kernels import types
@@ -19,7 +20,7 @@ from warpcam.kernels.flags import (
     TraceFlag,
 )
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.plan import edges, frame, shading, shadow, trace, words
+from warpcam.kernels.plan import edges, frame, launches, shading, shadow, trace, words
 from warpcam.kernels.plan.passes import PASSES, pass_of, register
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
@@ -74,10 +75,33 @@ def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
 
 
 def test_outputs_of_a_trace_are_its_flags() -> None:
-    key = traced(scene(), CPU, "depth", "points", "instances", "ids")
-    assert key.outputs == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
-    assert traced(scene(), CPU, "flow").outputs == TraceFlag.FLOW | TraceFlag.FLOW_COMPACT
+    key = traced(scene(), CARD, "depth", "points", "instances", "ids")
+    images = key.outputs & (trace.OPTIONAL | TraceFlag.NORMAL)
+    assert images == TraceFlag.DEPTH | TraceFlag.POINTS | TraceFlag.INSTANCES | TraceFlag.IDS
+    assert traced(scene(), CPU, "flow").outputs & ~trace.OPTIONAL == TraceFlag.FLOW | TraceFlag.FLOW_COMPACT
     assert TraceFlag.OPAQUE in traced(scene(), CPU, opaque=True).outputs
+
+
+@pytest.mark.parametrize("by_world", [False, True])
+def test_traces_of_a_cpu_share_a_kernel_whichever_images_they_write(by_world: bool) -> None:
+    tables = scene(ids_by_world=by_world)
+    images = [("depth",), ("shape",), ("distance", "points"), ("bodies", "ids"), ("instances", "semantics"), ("face",)]
+    assert len({traced(tables, CPU, *some) for some in images}) == 1
+    assert len({traced(tables, CARD, *some) for some in images}) == len(images)
+    assert len({traced(tables, CPU, *some, opaque=True) for some in (("depth",), ("depth", "shape", "face"))}) == 1
+    assert traced(tables, CPU, "normals") != traced(tables, CPU, "depth") != traced(tables, CPU, "flow")
+
+
+@pytest.mark.parametrize(
+    ("shapes", "faces", "ids", "stored"),
+    [(127, 2**16 - 1, wp.int8, wp.uint16), (128, 2**16, wp.int16, wp.int32), (2**15 + 1, 0, wp.int32, wp.uint16)],
+)
+def test_ids_and_faces_have_one_type_on_a_cpu_and_small_ones_on_a_card(
+    shapes: int, faces: int, ids: Any, stored: Any
+) -> None:
+    tables = scene(num_shapes=shapes, num_faces=faces)
+    assert launches.id_dtypes(tables, CARD) == (ids, stored)
+    assert launches.id_dtypes(tables, CPU) == (wp.int32, wp.int32)
 
 
 def test_a_cpu_is_told_nothing_of_the_images_size() -> None:

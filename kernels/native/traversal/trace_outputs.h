@@ -50,6 +50,63 @@ constexpr int parts_of(int outputs, int width, int height)
     return rows > 1 ? (height / STACK + rows - 1) / rows : height / STACK;
 }
 
+#if !defined(__CUDA_ARCH__)
+
+// Images of the trace as a type.
+template <int IMAGES> struct Images {
+    static constexpr int SET = IMAGES;
+};
+
+// True if an image is written: CPU kernels are compiled for all of OUTPUTS and write those that are there.
+template <int WHAT, class Target> inline bool is_written(const Target& target)
+{
+    if constexpr (WHAT == DEPTH)
+        return target.depth.data != nullptr;
+    else if constexpr (WHAT == SHAPE)
+        return target.shape.data != nullptr;
+    else if constexpr (WHAT == FACE)
+        return target.face.data != nullptr;
+    else if constexpr (WHAT == DISTANCE)
+        return target.distance.data != nullptr;
+    else if constexpr (WHAT == POINTS)
+        return target.points.data != nullptr;
+    else if constexpr (WHAT == BODIES)
+        return target.bodies.data != nullptr;
+    else if constexpr (WHAT == IDS)
+        return target.ids.data != nullptr;
+    else if constexpr (WHAT == INSTANCES)
+        return target.labels.instances.data != nullptr;
+    else if constexpr (WHAT == SEMANTICS)
+        return target.labels.semantics.data != nullptr;
+    else
+        return WHAT != 0;
+}
+
+// Calls put(Images) for those of OUTPUTS that are written: several together where they share what they compute.
+template <int OUTPUTS, class Target, class Put> inline void put_written(const Target& target, const Put& put)
+{
+    const auto put_if = [&](auto images, bool wanted) {
+        if constexpr (decltype(images)::SET != 0)
+            if (wanted)
+                put(images);
+    };
+    const auto put_one = [&](auto image) { put_if(image, is_written<decltype(image)::SET>(target)); };
+    const bool distances = is_written<OUTPUTS & DISTANCE>(target), points = is_written<OUTPUTS & POINTS>(target);
+    put_one(Images<OUTPUTS & DEPTH>());
+    put_one(Images<OUTPUTS & SHAPE>());
+    put_one(Images<OUTPUTS & FACE>());
+    put_if(Images<(OUTPUTS & POINTS ? OUTPUTS & (DISTANCE | POINTS) : 0)>(), points && distances);
+    put_if(Images<OUTPUTS & DISTANCE>(), distances && !points);
+    put_if(Images<OUTPUTS & POINTS>(), points && !distances);
+    put_one(Images<OUTPUTS & BODIES>());
+    put_one(Images<OUTPUTS & IDS>());
+    put_one(Images<OUTPUTS & INSTANCES>());
+    put_one(Images<OUTPUTS & SEMANTICS>());
+    put_one(Images<OUTPUTS & (NORMAL | FLOWS | FLOW_MOVES)>());
+}
+
+#endif
+
 // True if hits name the slot of their shape's record instead of the shape, for normals and albedo: see
 // build_shape_list().
 constexpr bool names_slots(int outputs) { return outputs & (NORMAL | TRACE_ALBEDO); }

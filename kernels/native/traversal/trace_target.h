@@ -213,7 +213,11 @@ struct TraceTarget {
     WARPCAM_DEVICE void write_hit(int i, int j, const Hit& hit, bool first_pass, int k = 0) const
     {
         if (inside(i, j + k * TILE_HEIGHT) && (first_pass || hit.shape >= 0))
+#if defined(__CUDA_ARCH__)
             put<OUTPUTS>(i, j, hit, k);
+#else
+            put_written<OUTPUTS>(target, [&](auto images) { put<decltype(images)::SET>(i, j, hit, k); });
+#endif
     }
 
     WARPCAM_DEVICE float depth_of(const Hit& hit) const

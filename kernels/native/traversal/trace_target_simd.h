@@ -50,33 +50,37 @@ inline bool start_whole(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_
     return true;
 }
 
-// Writes depth, shape and face of a tile that lies in the image; the rest is left to be done pixel by pixel.
+// Writes a tile that lies in the image: depth, shape and face by rows, the rest pixel by pixel.
 template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_>
 inline void put_whole(const TraceTarget<Types, LENS, OUTPUTS, List, TILES_PER_WARP, Target, Shapes, Places_>& canvas,
                       int left, int top, const Rays& rays)
 {
-    constexpr int IN_ROWS = DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE);
-    constexpr int PIXELWISE = SHAPE | DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS;
+    constexpr int IN_ROWS = OUTPUTS & (DEPTH | FACE | (names_slots(OUTPUTS) ? 0 : SHAPE));
+    const Target& target = canvas.target;
+    const bool depths = is_written<IN_ROWS & DEPTH>(target), shapes = is_written<IN_ROWS & SHAPE>(target),
+               faces = is_written<IN_ROWS & FACE>(target);
     const float miss = has_table(LENS) ? infinity() : canvas.camera.miss;
     static_assert(TILE_WIDTH == SIMD_WIDTH);
     for (int row = 0; row < TILE_HEIGHT; ++row) {
         const int lane = row * TILE_WIDTH;
         const unsigned first = canvas.at(left, top + row);
         const Int8 shape = load8(rays.shape + lane);
-        Float8 depth;
-        __builtin_memcpy(&depth, rays.depth + lane, sizeof depth);
-        depth = shape < 0 ? (Float8)miss : depth;
-        if constexpr ((OUTPUTS & DEPTH) != 0)
-            __builtin_memcpy(canvas.target.depth.data + first, &depth, sizeof depth);
-        if constexpr ((OUTPUTS & IN_ROWS & SHAPE) != 0)
-            store8(canvas.target.shape.data + first, shape);
-        if constexpr ((OUTPUTS & FACE) != 0)
-            store8(canvas.target.face.data + first, load8(rays.face + lane));
+        if (depths) {
+            Float8 depth;
+            __builtin_memcpy(&depth, rays.depth + lane, sizeof depth);
+            depth = shape < 0 ? (Float8)miss : depth;
+            __builtin_memcpy(target.depth.data + first, &depth, sizeof depth);
+        }
+        if (shapes)
+            store8(target.shape.data + first, shape);
+        if (faces)
+            store8(target.face.data + first, load8(rays.face + lane));
     }
-    if constexpr ((OUTPUTS & PIXELWISE & ~IN_ROWS) != 0)
+    put_written<OUTPUTS & ~IN_ROWS>(target, [&](auto images) {
         for (int lane = 0; lane < WARP_SIZE; ++lane)
-            canvas.template put<OUTPUTS & ~IN_ROWS>(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
-                                                    { rays.depth[lane], rays.shape[lane], rays.face[lane] });
+            canvas.template put<decltype(images)::SET>(left + lane % TILE_WIDTH, top + lane / TILE_WIDTH,
+                                                       { rays.depth[lane], rays.shape[lane], rays.face[lane] });
+    });
 }
 
 template <class Types, int LENS, int OUTPUTS, class List, int TILES_PER_WARP, class Target, class Shapes, class Places_,
