@@ -20,7 +20,7 @@ def is_compact(tables: SceneTables) -> bool:
 
 def composes(tables: SceneTables, device: wp.Device) -> bool:
     """Return whether the trace or view_shape_lists.py composes how shapes have moved, not a stage of its own."""
-    few = tables.num_shapes <= launches.list_capacity(tables.num_drawn) <= MOST_COMPOSED
+    few = tables.num_shapes <= launches.list_capacity(tables.num_drawn, device) <= MOST_COMPOSED
     return device.is_cuda and few and not tables.moving and tables.splats is None
 
 

@@ -27,7 +27,8 @@ ROW_OF_BLOCKS = 2**24 // THREADS  # Warp lays out a launch's threads in rows of 
 SHARED_MEMORY = 228 * 1024  # of a multiprocessor [bytes]
 MAX_LISTED = 256  # shapes that one pass draws
 MANY_LISTED = 1024  # the same on a CPU, which has room for more
-CAPACITIES = (16, 32, 64, 96, 128, 192, 256, 512, MANY_LISTED)  # few sizes, so that scenes share kernels
+CAPACITIES = (16, 32, 64, 96, 128, 192, 256)  # few sizes, so that scenes share kernels
+CPU_CAPACITIES = (64, MAX_LISTED, MANY_LISTED)  # a CPU's kernels take no longer with room to spare
 # Shape types that CPU kernels have together. With few sets scenes share kernels, and the loop over the shapes of a tile
 # takes one branch for all its lanes.
 CPU_SETS = (
@@ -117,9 +118,10 @@ def in_order(types: SceneTypes, threads: int, device: wp.Device) -> SceneTypes:
     return types
 
 
-def list_capacity(num_drawn: int, most: int = MAX_LISTED) -> int:
+def list_capacity(num_drawn: int, device: wp.Device, most: int = MAX_LISTED) -> int:
     """Return the capacity of a block's shape list for a scene of that many shapes."""
-    return next(size for size in CAPACITIES if size >= min(num_drawn, most))
+    sizes = CPU_CAPACITIES if device.is_cpu else CAPACITIES
+    return next(size for size in sizes if size >= min(num_drawn, most))
 
 
 def rounded_capacity(count: int, step: int, device: wp.Device) -> int:

@@ -21,6 +21,7 @@ REST_BYTES = 3400  # what else a block has, and what is reserved for it
 WALKED_BYTES, WORD_BYTES = 3232, 256
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
+CPU_CAPACITIES = (64, 192)  # the same on a CPU, whose kernels take no longer with room to spare
 MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
 MANY = 384  # shapes; more are such a crowd
 MOST = 2**20  # shapes that can be told apart there
@@ -54,7 +55,7 @@ def plan_shadow(
     shapes = tables.shapes if tables.casters is None else tables.casters
     num_casters = shapes.drawn.shape[0]
     many = MANY < num_casters <= MOST and MESH not in tables.shape_types
-    capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES
+    capacities = MANY_CASTERS_CAPACITIES if many else CPU_CAPACITIES if device.is_cpu else CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)

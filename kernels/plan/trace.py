@@ -137,7 +137,7 @@ def plan_trace(
         listed: A stage has listed the shapes.
     """
     most = launches.MANY_LISTED if device.is_cpu else launches.MAX_LISTED
-    capacity = launches.list_capacity(tables.num_drawn, most)
+    capacity = launches.list_capacity(tables.num_drawn, device, most)
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     if device.is_cpu:
@@ -164,7 +164,7 @@ def plan_mirror(
     tables: SceneTables, lens: str, width: int, height: int, faces: bool, device: wp.Device, group: Group
 ) -> PlannedLaunch[MirrorKey]:
     """The kernel that traces what is seen in mirrors."""
-    capacity = launches.list_capacity(tables.num_drawn)
+    capacity = launches.list_capacity(tables.num_drawn, device)
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
     several = tables.num_drawn > capacity
@@ -178,7 +178,7 @@ def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bo
     if flow:
         wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in outputs)
     types = launches.scene_types(tables, device)
-    return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn), wanted)
+    return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn, device), wanted)
 
 
 def capacity_of(
@@ -193,7 +193,7 @@ def capacity_of(
     region = region_size(tables, tables.num_worlds, width, height, device)
     rows = region == launches.REGIONS[0] and "flow_valid" not in outputs
     rows &= width % 16 == 0 and height % 8 == 0 and width <= MOST_COLUMNS and height <= MOST_ROWS
-    return launches.list_capacity(tables.num_drawn) if rows or region == (width, height) else 0
+    return launches.list_capacity(tables.num_drawn, device) if rows or region == (width, height) else 0
 
 
 def rows_of(capacity: int, outputs: Collection[str]) -> int:

@@ -59,6 +59,21 @@ def test_scenes_of_similar_sizes_share_kernels() -> None:
     assert traced(scene(shapes=33), CARD) != traced(scene(shapes=32), CARD)
 
 
+@pytest.mark.parametrize(
+    ("fewer", "more", "shared"), [(1, 64, True), (65, 256, True), (257, 5000, True), (64, 65, False)]
+)
+def test_lists_of_a_cpu_have_few_sizes(fewer: int, more: int, shared: bool) -> None:
+    assert (traced(scene(shapes=fewer), CPU).capacity == traced(scene(shapes=more), CPU).capacity) == shared
+
+
+@pytest.mark.parametrize(("fewer", "more", "shared"), [(1, 64, True), (65, 384, True), (64, 65, False)])
+def test_shadow_lists_of_a_cpu_have_few_sizes(fewer: int, more: int, shared: bool) -> None:
+    def key(shapes: int) -> shadow.ShadowKey:
+        return shadow.plan_shadow(scene(shapes=shapes), "pinhole", 64, 64, CPU, ALL).key
+
+    assert (key(fewer) == key(more)) == shared
+
+
 def test_a_trace_knows_nothing_of_appearance_unless_it_writes_albedo() -> None:
     tables = scene(flags=SceneFlag.TEXTURE_FROM_ABOVE | SceneFlag.TWO_SIDED)
     assert traced(tables, CARD).types.scene == SceneFlag.TWO_SIDED
