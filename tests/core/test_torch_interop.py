@@ -45,8 +45,9 @@ def test_dtypes_and_shapes(device: wp.Device) -> None:
     images = wc.Renderer(scene, [scenes.own_camera(width=6, height=4, outputs=tuple(OUTPUTS))]).render()["eye"]
     assert list(images) == list(OUTPUTS)
     channels = {"rgb": 3, "rgba": 4, "hdr": 3, "normals": 3, "points": 3, "albedo": 3, "flow": 2}
+    channels["barycentrics"] = 2
     dtypes = dict.fromkeys(("rgb", "rgba", "albedo", "flow_valid"), torch.uint8) | dict.fromkeys(
-        ("segmentation", "bodies", "instances", "semantics"), torch.int32
+        ("segmentation", "bodies", "instances", "semantics", "faces"), torch.int32
     )
     for name, image in images.items():
         assert image.shape == (3, 4, 6, channels.get(name, 1)), name

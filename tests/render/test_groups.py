@@ -10,6 +10,7 @@ from scratch import scratch_of
 from small_scene import GLASS, MIRROR, camera, scene_of
 
 import warpcam as wc
+from warpcam.kernels.plan import launches
 from warpcam.outputs import OUTPUTS
 from warpcam.render import renderer as rendering
 from warpcam.render import scratch_memory
@@ -153,6 +154,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
 
 def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(launches, "id_dtypes", lambda *_: (wp.int8, wp.uint16))  # as on a GPU
     renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
     images = {"top": {"rgb": renderer.array("top", "rgb")}}
     plain = [[portions] for portions in renderer._scratch.phases(images)]
@@ -165,6 +167,7 @@ def test_turns_are_taken_where_they_make_phases_fewer(monkeypatch: pytest.Monkey
 @pytest.mark.parametrize("wave", [1, 8, 25, 90])
 def test_groups_are_whole_waves_where_images_are_smoothed_in_place(wave: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
+    monkeypatch.setattr(launches, "id_dtypes", lambda *_: (wp.int8, wp.uint16))  # as on a GPU
     renderer = wc.Renderer(scene_of("cpu", 500), [camera(outputs=("rgb",))])
     images = {"top": {"rgb": renderer.array("top", "rgb")}}
     sizes = {}

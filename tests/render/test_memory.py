@@ -24,7 +24,7 @@ CAMERAS_MORE = '<camera name="left" pos="-4 0 1"/><camera name="right" pos="4 0 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "memory.md"
 LIT = {"rgb", "rgba", "hdr"}
 RAYS = np.ones((16, 16, 3))
-FACED = {*LIT, "normals", "albedo"}
+FACED = {*LIT, "normals", "albedo", "faces", "barycentrics"}
 FLOWS = {"flow", "flow_valid"}
 TRACED = {"depth", "segmentation", "distance", "points", "bodies", "instances", "semantics", *FLOWS}
 
