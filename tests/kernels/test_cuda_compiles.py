@@ -51,6 +51,7 @@ def card(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[launch.Stage]]:
     stages: list[launch.Stage] = []
     real = wp.Device.is_cuda.fget
     monkeypatch.setattr(wp.Device, "is_cuda", property(lambda self: _chooses(sys._getframe(1)) or real(self)))
+    monkeypatch.setattr(wp.Device, "is_cpu", property(lambda self: not (_chooses(sys._getframe(1)) or real(self))))
     monkeypatch.setattr(wp.Device, "sm_count", property(lambda _: 1), raising=False)
     monkeypatch.setattr("warpcam.render.renderer.prepare", stages.extend)
     with wp.ScopedDevice("cpu"):

@@ -9,8 +9,8 @@ template <bool CONDITION, class Then, class Else> struct Conditional {
 template <class Then, class Else> struct Conditional<false, Then, Else> {
     using type = Else;
 };
-template <bool CONDITION, class Then, class Else>
-using conditional_t = typename Conditional<CONDITION, Then, Else>::type;
+template <bool CONDITION, class Then, class Else> using conditional_t =
+    typename Conditional<CONDITION, Then, Else>::type;
 
 // Stands for a member or an argument that is not there.
 struct None {};

@@ -235,8 +235,8 @@ WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, in
     if constexpr ((WANTED & FLOWS) != 0) {
         VisibilityHistory<WANTED> places;
         places.locate(scene.frame.history, world);
-        put_flow<0, LENS, WANTED>(scene.frame.history, places, scene.shapes, camera, seen, hit, world, column, row, 0,
-                                  at);
+        put_flow<SceneTypes<0, 0>, LENS, WANTED>(scene.frame.history, places, scene.shapes, camera, seen, hit, world,
+                                                 column, row, 0, at);
     }
 }
 
