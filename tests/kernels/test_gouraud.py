@@ -12,15 +12,16 @@ DEVICES = [str(device) for device in wp.get_devices()]
 
 @wp.func_native("""
     using namespace warpcam;
+    using All = SceneTypes<255, 0>;
     const Vec3 from = as_vec3(eye);
-    ShapeAppearance<SceneTypes<255, 0>, ShadingNeeds<RGB, 0>> look;
+    ShapeAppearance<All, ShadingNeeds<RGB, 0>> look;
     look.pose = { { 1.0f, 0.0f, 0.0f, as_int(from.x) }, { 0.0f, 1.0f, 0.0f, as_int(from.y) },
                   { 0.0f, 0.0f, 1.0f, as_int(from.z) }, make_float3_int(as_vec3(size), kind + 16) };
     const float repeats[2] = { 0.0f, 0.0f };
     look.cells = plane_cells(look.pose, repeats, 0.0f);
-    const SurfaceInteraction surface = surface_at<SceneTypes<255, 0>>(look.pose, meshes, fields, face, as_vec3(local), as_vec3(ray));
+    const SurfaceInteraction surface = surface_at<All>(look.pose, meshes, fields, face, as_vec3(local), as_vec3(ray));
     GouraudTriangle facet;
-    facet_at<SceneTypes<255, 0>>(look, meshes, surface, as_vec3(local) - from, facet);
+    facet_at<All>(look, meshes, surface, as_vec3(local) - from, facet);
     for (int k = 0; k < 3; ++k) {
         const Vec3 corner = facet.place[k] + from;
         wp::index(corners, i, k) = wp::vec3(corner.x, corner.y, corner.z);

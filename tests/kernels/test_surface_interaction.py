@@ -25,18 +25,19 @@ class Found:
 
 @wp.func_native("""
     using namespace warpcam;
+    using All = SceneTypes<255, 0>;
     Camera camera {};
     for (int k = 0; k < 3; ++k)
         camera.rotation.at[k][k] = 1.0f;
-    const auto look = load_appearance<SceneTypes<255, 0>, ShadingNeeds<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
+    const auto look = load_appearance<All, ShadingNeeds<RGB | NORMALS, HAS_MATERIALS | HAS_TEXTURES>>(
         shapes, materials, None {}, textures, meshes, fields, camera, 0.0f, 0, shape);
     const Vec3 sight = as_vec3(ray);
-    const SurfaceInteraction surface = surface_at<SceneTypes<255, 0>>(look.pose, meshes, fields, face, as_vec3(local), sight);
+    const SurfaceInteraction surface = surface_at<All>(look.pose, meshes, fields, face, as_vec3(local), sight);
     GouraudTriangle facet;
-    facet_at<SceneTypes<255, 0>>(look, meshes, surface, as_vec3(local), facet);
+    facet_at<All>(look, meshes, surface, as_vec3(local), facet);
     const Vec3 to_next = as_vec3(step);
-    const Footprint at = footprint_2d<SceneTypes<255, 0>>(look.pose, look.layout, meshes, surface, sight, to_next, to_next);
-    const Vec3 direction = map_cube<SceneTypes<255, 0>>(look.pose, look.layout, surface).direction;
+    const Footprint at = footprint_2d<All>(look.pose, look.layout, meshes, surface, sight, to_next, to_next);
+    const Vec3 direction = map_cube<All>(look.pose, look.layout, surface).direction;
     auto& one = wp::index(found, i);
     one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);
     one.weights = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
