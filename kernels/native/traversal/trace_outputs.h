@@ -102,7 +102,7 @@ template <int OUTPUTS, class Target, class Put> inline void put_written(const Ta
     put_one(Images<OUTPUTS & IDS>());
     put_one(Images<OUTPUTS & INSTANCES>());
     put_one(Images<OUTPUTS & SEMANTICS>());
-    put_one(Images<OUTPUTS & (NORMAL | FLOWS | FLOW_MOVES)>());
+    put_one(Images<OUTPUTS&(NORMAL | FLOWS | FLOW_MOVES)>());
 }
 
 #endif
