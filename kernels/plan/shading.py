@@ -122,7 +122,7 @@ def plan_shading(
         strips = strips and plain and by_vertices
         facts |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)
-    if device.is_cpu and 0 < capacity <= FEW:
+    if not device.is_cuda and 0 < capacity <= FEW:
         facts |= ShadingFlag.HAS_MATERIALS
         if not set(LIT).isdisjoint(outputs):
             facts |= ShadingFlag.HAS_TEXTURES | flag_if(ShadingFlag.HAS_SKYBOX, tables.physical is None)
@@ -181,6 +181,6 @@ def _capacity(tables: SceneTables, device: wp.Device) -> int:
     """Shapes whose looks a block keeps, all or those that it sees, in few sizes; 0 for scenes too large for it."""
     if tables.num_drawn > MAX_KEPT:
         return MAX_SEEN if tables.num_drawn <= MAX_SEEN else 0
-    if device.is_cpu and tables.num_drawn <= FEW:
+    if not device.is_cuda and tables.num_drawn <= FEW:
         return FEW
     return launches.rounded_capacity(tables.num_drawn, 16, device)
