@@ -78,7 +78,7 @@ def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = Fa
         appearance: Whether the kernel shades, and needs the features of textures and normals.
     """
     geometry = geometry_of(tables.shape_types)
-    if device.is_cpu:
+    if not device.is_cuda:
         analytic, others = CPU_SETS
         if geometry & others:
             geometry |= analytic | others
@@ -94,7 +94,7 @@ def is_analytic(shape_types: Set[int]) -> bool:
 
 def id_dtypes(tables: SceneTables, device: wp.Device) -> tuple[Any, Any]:
     """Return the types of shape ids and faces between stages: small ones on CUDA, on a CPU one for all scenes."""
-    if device.is_cpu:
+    if not device.is_cuda:
         return wp.int32, wp.int32
     ids = next(dtype for dtype, most in SHAPE_IDS.items() if tables.num_shapes <= most)
     return ids, wp.uint16 if tables.num_faces < 2**16 else wp.int32
@@ -120,13 +120,13 @@ def in_order(types: SceneTypes, threads: int, device: wp.Device) -> SceneTypes:
 
 def list_capacity(num_drawn: int, device: wp.Device, most: int = MAX_LISTED) -> int:
     """Return the capacity of a block's shape list for a scene of that many shapes."""
-    sizes = CPU_CAPACITIES if device.is_cpu else CAPACITIES
+    sizes = CAPACITIES if device.is_cuda else CPU_CAPACITIES
     return next(size for size in sizes if size >= min(num_drawn, most))
 
 
 def rounded_capacity(count: int, step: int, device: wp.Device) -> int:
     """Room for so many, a multiple of a step, so that scenes share kernels; on a CPU, whose room is large, of 32."""
-    if device.is_cpu and count > 2 * step:
+    if not device.is_cuda and count > 2 * step:
         step = 32
     return -(-count // step) * step
 

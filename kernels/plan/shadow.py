@@ -55,7 +55,7 @@ def plan_shadow(
     shapes = tables.shapes if tables.casters is None else tables.casters
     num_casters = shapes.drawn.shape[0]
     many = MANY < num_casters <= MOST and MESH not in tables.shape_types
-    capacities = MANY_CASTERS_CAPACITIES if many else CPU_CAPACITIES if device.is_cpu else CAPACITIES
+    capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES if device.is_cuda else CPU_CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)

@@ -136,11 +136,11 @@ def plan_trace(
         opaque: Transparent shapes are left out.
         listed: A stage has listed the shapes.
     """
-    most = launches.MANY_LISTED if device.is_cpu else launches.MAX_LISTED
+    most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
     capacity = launches.list_capacity(tables.num_drawn, device, most)
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
-    if device.is_cpu:
+    if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
     painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without

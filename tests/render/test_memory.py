@@ -207,7 +207,7 @@ def test_the_table_names_every_image_and_the_total() -> None:
 
 def test_the_table_of_the_docs_is_what_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its numbers are those of a GPU."""
-    id_dtypes, card = launches.id_dtypes, SimpleNamespace(is_cpu=False)
+    id_dtypes, card = launches.id_dtypes, SimpleNamespace(is_cuda=True)
     monkeypatch.setattr(launches, "id_dtypes", lambda tables, device: id_dtypes(tables, card))
     scene, four = one_scene_of("cpu", 8192, CAMERAS_MORE), ("top", "side", "left", "right")
     both = ("rgb", "depth")

@@ -28,11 +28,17 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 #else
     constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
 #endif
-    constexpr int CORNERS =
-        Wants::FACETED && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
-            ? corner_room(WIDTH * HEIGHT, (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
-                                              - CACHED * int(sizeof(Appearances)) - 1024)
-            : 0;
+#if defined(__CUDA_ARCH__)
+    constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
+                               - CACHED * int(sizeof(Appearances)) - 1024;
+#else
+    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled for.
+    constexpr int GRID_BYTES =
+        CAPACITY > 0 && CAPACITY <= 64 ? VERTEX_GRID_BYTES : SHARED_BYTES - CACHED * int(sizeof(Appearances)) - 1024;
+#endif
+    constexpr int CORNERS = Wants::FACETED && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
+                                ? corner_room(WIDTH * HEIGHT, GRID_BYTES)
+                                : 0;
     // Caches some appearances if not all fit.
     constexpr bool SOME = CACHED == 0 && (CAPACITY > 0 || CORNERS > 0) && (Wants::SURFACE || Wants::COLORED);
     constexpr int PLACES = CAPACITY > 0 ? CAPACITY : 1,
