@@ -182,23 +182,28 @@ def load(
     up_axis: str | None = "Z",
     textures: Mapping[str, Any] | None = None,
     transparency: bool | None = None,
+    packages: Mapping[str, Any] | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
-    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh. Both give a
-    ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, and simulated by nobody: a scene as the file has it.
+    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh, .dae by
+    pycollada. All give a ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, the meshes of .urdf as such files
+    alone, and simulated by nobody: a scene as the file has it.
 
     Args:
         path: The file.
         num_worlds: How many worlds.
         device: Where to render; None is Warp's current device.
         meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
-        up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
+        up_axis: "Z" turns USD, glTF and COLLADA scenes so that z is up; None keeps their own axes. Others are as they
+            are, and so are all meshes of a robot.
         textures: More images for ``DrivenScene.set_textures``.
         transparency: As ``from_newton`` has it.
+        packages: Folders of ROS packages by their names, for ``package://`` in .urdf files. Other packages are looked
+            for in the folders above the file and in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``.
     """
     from warpcam.sources import load_file
 
     return load_file.load(
-        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency
+        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency, packages
     )

@@ -106,11 +106,13 @@ def test_statements() -> None:
     assert libraries_of("mtllib a b.mtl\n  mtllib\tc.mtl \\\n d\n#mtllib e\n") == ["a b.mtl", "c.mtl   d"]
     found = texture_map("-s 1 2 -clamp on -bm 0.5 1.png")
     assert (found.file, found.options["-s"], found.options["-clamp"]) == ("1.png", ["1", "2"], ["on"])
-    assert read_libraries(["a"], lambda name: b"Kd 1\nnewmtl x\nKd 2\nkd 3\n") == {"x": {"kd": "3"}}
+    lost: list[str] = []
+    assert read_libraries(["a"], lambda _: b"Kd 1\nnewmtl x\nKd 2\nkd 3\n", lost.append) == {"x": {"kd": "3"}}
+    assert read_libraries(["a b.mtl"], lambda _: None, lost.append) == {} and lost == ["a b.mtl"]
 
 
 def ply(path: Path, *, image: str = "", uvs: bool = False, colors: str = "", faces: str = "") -> Path:
-    """The square; ``colors`` and ``faces`` are types of the colours of vertices and of faces, which are red and blue."""
+    """The square; ``colors`` and ``faces`` are types of the colours of vertices, red, and of faces, blue."""
     rgb = "".join(f"property {{0}} {name}\n" for name in ("red", "green", "blue"))
     head = f"ply\nformat ascii 1.0\n{f'comment TextureFile {image}' + chr(10) if image else ''}element vertex 4\n"
     head += "".join(f"property float {name}\n" for name in ("xyzst" if uvs else "xyz"))

@@ -1,5 +1,6 @@
-"""Files of meshes: glTF, OBJ, STL, PLY, through the `trimesh` package."""
+"""Files of meshes: glTF, OBJ, STL, PLY, through the `trimesh` package, and COLLADA."""
 
+import io
 import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -33,7 +34,7 @@ from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.files import gltf_unsupported, mtl
+from warpcam.sources.files import gltf_unsupported, mtl, stl
 from warpcam.textures.pack import TextureImage
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
@@ -53,32 +54,71 @@ def load(
 ) -> DrivenScene:
     images, where = named_images(textures), device_rule.resolve(device)
     collector = WarningCollector(str(path))
-    is_gltf = path.suffix.lower() in GLTF
+    try:
+        graph = read_graph(path, collector, meters_per_unit, up_axis)
+    finally:
+        collector.say()
+    for label, image in images.items():
+        graph.texture_names.append(label)
+        graph.textures.append(image)
+    return DrivenScene(SceneGraphSource(graph, num_worlds, where, transparency=transparency))
+
+
+def read_graph(
+    path: Path, collector: WarningCollector, meters_per_unit: float | None = None, up_axis: str | None = "Z"
+) -> SceneGraph:
+    """Read a file of meshes; ``meters_per_unit`` and ``up_axis`` as ``warpcam.load`` has them.
+
+    Raises:
+        WarpcamError: The file cannot be read, or shows nothing.
+    """
+    kind = path.suffix.lower()
+    if path.stat().st_size == 0:
+        raise WarpcamError(f"{path}: is empty: it has no bytes at all")
     with _heard(collector) as heard:
         try:
+            if kind == ".dae":
+                return _collada(path, collector, meters_per_unit, up_axis)
+            source = io.BytesIO(stl.triangles_of(path, collector)) if kind == ".stl" else str(path)
             resolver = _Resolver(path, collector)
-            scene = trimesh.load_scene(str(path), process=False, resolver=resolver, **_options(path))
+            scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
+        except WarpcamError:
+            raise
         except MemoryError:
             raise WarpcamError(f"{path}: does not fit into memory") from None
         except Exception as error:  # whatever a broken file makes a parser raise
-            raise WarpcamError(f"{path}: trimesh cannot read it: {type(error).__name__}: {error}"[:500]) from None
+            reader = "pycollada" if kind == ".dae" else "trimesh"
+            raise WarpcamError(f"{path}: {reader} cannot read it: {type(error).__name__}: {error}"[:500]) from None
         missing = next((text for text in heard if "didn't decode" in text), None)
         if missing is not None:  # it goes on with zeros
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
         root[3, 3] = 1.0
+        is_gltf = kind in GLTF
         graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
         if is_gltf:
             gltf_unsupported.tell(path, collector)
         _Reader(scene, graph, is_gltf, collector, resolver).read()
+    clouds = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.PointCloud)]
+    if not graph.items and clouds:
+        count = sum(len(cloud.vertices) for cloud in clouds)
+        raise WarpcamError(
+            f"{path}: is a cloud of {count} points without faces, which has no surface to draw; make a mesh of it, or "
+            "Gaussian splats"
+        )
     if not graph.items:
-        collector.say()
         raise WarpcamError(f"{path}: has no triangles that can be drawn")
-    for label, image in images.items():
-        graph.texture_names.append(label)
-        graph.textures.append(image)
-    collector.say()
-    return DrivenScene(SceneGraphSource(graph, num_worlds, where, transparency=transparency))
+    return graph
+
+
+def _collada(path: Path, collector: WarningCollector, meters_per_unit: float | None, up_axis: str | None) -> SceneGraph:
+    from warpcam.sources.files import collada_file
+
+    graph = SceneGraph(str(path), [FrameNode("/", -1, np.eye(4))])
+    graph.nodes[0].local = collada_file.read(path, graph, collector, meters_per_unit, up_axis)
+    if not graph.items:
+        raise WarpcamError(f"{path}: has no triangles that can be drawn")
+    return graph
 
 
 def _options(path: Path) -> dict[str, Any]:
@@ -101,20 +141,30 @@ class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
         self.gave_image = False
         if self._is_obj:
             text = path.read_bytes().decode("utf-8", "replace")
-            self.library = mtl.read_libraries(mtl.libraries_of(text), self.found)
+            self.library = mtl.read_libraries(
+                mtl.libraries_of(text),
+                self._bytes,
+                lambda line: collector.warn("names a library of materials that is not found", line),
+            )
             for name in mtl.used_materials(text):
                 if name not in self.library:
                     collector.warn("is used as a material, but no mtllib defines it; it is drawn grey", name)
 
     def found(self, name: str) -> bytes | None:
         """A file's contents; None if there is none, which is told."""
+        data = self._bytes(name)
+        if data is None:
+            what = "a file is not found; if it is a texture, its material is drawn in its base colour"
+            self._collector.warn(what, name)
+        return data
+
+    def _bytes(self, name: str) -> bytes | None:
         for written in dict.fromkeys((name, name.replace("\\", "/"))):
             try:
                 data: bytes = super().get(written)
             except (OSError, ValueError):
                 continue
             return data
-        self._collector.warn("a file is not found; if it is a texture, its material is drawn in its base colour", name)
         return None
 
     def get(self, name: str) -> bytes:

@@ -66,17 +66,24 @@ def used_materials(text: str) -> list[str]:
     return list(dict.fromkeys(rest for key, rest in _statements(text) if key == "usemtl" and rest))
 
 
-def read_libraries(names: Sequence[str], read: Callable[[str], bytes | None]) -> dict[str, dict[str, str]]:
+def read_libraries(
+    names: Sequence[str], read: Callable[[str], bytes | None], missing: Callable[[str], None]
+) -> dict[str, dict[str, str]]:
     """Return the statements of all materials of some libraries by their names, keywords in lower case.
 
     Args:
         names: Of ``libraries_of``.
         read: Gives a file's contents, or None if there is none.
+        missing: Hears of names that are not found.
     """
     found: dict[str, dict[str, str]] = {}
     for line in names:
-        whole = read(line)
-        for data in [whole] if whole is not None else map(read, line.split()) if " " in line else ():
+        files = [read(line)]
+        if files[0] is None:  # several names, or one that is not there
+            files = [read(name) for name in line.split()]
+            if any(data is None for data in files):
+                missing(line)
+        for data in files:
             own: dict[str, str] = {}
             for key, rest in _statements((data or b"").decode("utf-8", "replace")):
                 if key == "newmtl":
