@@ -120,6 +120,21 @@ def from_newton(
     return scene
 
 
+def add_urdf(builder: Any, path: Any, *, packages: Mapping[str, Any] | None = None, **options: Any) -> None:
+    """Add the robot of a URDF file to a Newton builder, by ``builder.add_urdf``, with meshes as ``load`` reads them.
+
+    Meshes keep the units, colours and textures of their files. A mesh that cannot be read costs its link that shape, or
+    shows the link's collision shapes, with a warning.
+
+    Args:
+        builder: A ``newton.ModelBuilder``.
+        path: The file.
+        packages: As ``load`` has it.
+        options: Of ``builder.add_urdf``: ``xform``, ``floating`` and the like.
+    """
+    import_source("newton.urdf", "newton").add(builder, path, packages, options)
+
+
 @preserve_cuda_context()
 def from_usd(
     path_or_stage: Any,

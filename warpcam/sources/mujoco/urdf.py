@@ -23,6 +23,7 @@ ALONE = 0  # group of shapes that are there to be touched, and are drawn
 # Of MuJoCo's compiler. Nobody simulates the model: links without an inertia are as good as others.
 SETTINGS = {"discardvisual": "false", "balanceinertia": "true", "boundmass": "1e-6", "boundinertia": "1e-9"}
 GREY = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's, of what says nothing of its colour
+AXES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 LEAST = 4  # vertices of a mesh
 MARK = "warpcam shape "
 
@@ -114,6 +115,13 @@ class _Robot:
         find_files(self._robot, self._path, compiler.get("meshdir", compiler.get("assetdir", ".")), packages)
         for name, value in SETTINGS.items():
             compiler.set(name, compiler.get(name, value))
+        for link in self._robot.iter("link"):
+            if (inertia := link.find("inertial/inertia")) is not None and not _is_inertia(inertia):
+                self._collector.warn(
+                    "has an inertia that no body has, and gets a small one", f"link {link.get('name')}"
+                )
+                for axis in AXES:
+                    inertia.set(axis, "1e-9" if axis[1] == axis[2] else "0")
         named, seen = looks_of(self._robot), compiler.get("discardvisual") == "false"
         for link in self._robot.iter("link"):
             for element in (*(link.findall("visual") if seen else ()), *link.findall("collision")):
@@ -270,6 +278,16 @@ class _Robot:
             geom.contype = geom.conaffinity = 0
         self._collector.warn(f"has meshes that collide with nothing, as MuJoCo makes no hull of one: {fault}")
         return spec.compile()
+
+
+def _is_inertia(inertia: ElementTree.Element) -> bool:
+    """Whether MuJoCo takes it: zeros it makes greater itself, but not what is negative along some axis."""
+    try:
+        xx, xy, xz, yy, yz, zz = (float(inertia.get(axis, "0")) for axis in AXES)
+    except ValueError:
+        return True  # MuJoCo says it better
+    matrix = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
+    return bool(not np.isfinite(matrix).all() or not any((xy, xz, yz)) or np.linalg.eigvalsh(matrix)[0] > 0.0)
 
 
 def _role() -> Any:
