@@ -19,7 +19,9 @@ TURN = (0.5**0.5, 0.5**0.5, 0.0, 0.0)  # along +y, z up
 def albedo(model: mujoco.MjModel, device: wp.Device) -> np.ndarray:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    camera = wc.Camera("c", width=32, height=32, position=(0, -4, 0), rotation=TURN, outputs=("albedo",))
+    camera = wc.Camera(
+        "c", width=32, height=32, lens=wc.Pinhole(fovy=45.0), position=(0, -4, 0), rotation=TURN, outputs=("albedo",)
+    )
     image = wc.Renderer(wc.from_mujoco(model, data, device=device), [camera]).render()["c"]["albedo"]
     return image[0].cpu().numpy()
 

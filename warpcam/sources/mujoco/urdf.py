@@ -3,7 +3,7 @@
 MuJoCo's own importer leaves out shapes that are only to be seen, and reads three formats of meshes without colours.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -86,23 +86,41 @@ class _Robot:
         self._settle(packages)
 
     def model(self) -> Any:
-        import mujoco
-
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(self._robot, encoding="unicode"))
-        shown, names = self._read_shapes(), dict[str, Any]()
-        for geom in list(spec.geoms):
-            if geom.name.startswith(MARK):
-                shape = self._shapes[geom.name]
-                geom.name = shape.name if names.setdefault(shape.name, geom) is geom else ""
-                self._place(spec, geom, shape, shape.visual or shape.link in shown)
         try:
-            model = self._compiled(spec)
+            shown = self._read_shapes()
+            try:
+                model = self._spec(shown).compile()
+            except ValueError as error:
+                fault = " ".join(str(error).split())
+                if "hull" not in fault and "qhull" not in fault:
+                    raise
+                self._collector.warn(f"has meshes that collide with nothing, as MuJoCo makes no hull of one: {fault}")
+                model = self._spec(shown, solid=False).compile()
         finally:
             self._collector.say()
         if model.ngeom == 0 or (model.geom_group == HIDDEN).all():
             reasons = "; ".join(dict.fromkeys(self._faults)) or "no link has a visual or collision shape"
             raise ValueError(f"nothing of it can be drawn: {reasons}")
         return model
+
+    def _spec(self, shown: Collection[str], solid: bool = True) -> Any:
+        """The robot for MuJoCo's compiler, with collision shapes that are drawn of the links ``shown``.
+
+        A compiler that has failed is not used again. Meshes that are not ``solid`` collide with nothing.
+        """
+        import mujoco
+
+        for known in (self._meshes, self._materials, self._textures):
+            known.clear()
+        spec, names = mujoco.MjSpec.from_string(ElementTree.tostring(self._robot, encoding="unicode")), dict[str, Any]()
+        for geom in list(spec.geoms):
+            if geom.name.startswith(MARK):
+                shape = self._shapes[geom.name]
+                geom.name = shape.name if names.setdefault(shape.name, geom) is geom else ""
+                if shape.file is not None and not solid:
+                    geom.contype = geom.conaffinity = 0
+                self._place(spec, geom, shape, shape.visual or shape.link in shown)
+        return spec
 
     def _settle(self, packages: Mapping[str, Path]) -> None:
         """Tell MuJoCo's compiler its settings, and put marks in the places of shapes."""
@@ -263,21 +281,6 @@ class _Robot:
             except UnreadableError as error:
                 self._collector.warn(f"names a texture that cannot be read ({error})", file)
         return self._images[file]
-
-    def _compiled(self, spec: Any) -> Any:
-        try:
-            return spec.compile()
-        except ValueError as error:
-            fault = " ".join(str(error).split())
-            if "mesh" not in fault:
-                raise
-        solid = [geom for geom in spec.geoms if geom.meshname and (geom.contype or geom.conaffinity)]
-        if not solid:
-            raise ValueError(fault)
-        for geom in solid:
-            geom.contype = geom.conaffinity = 0
-        self._collector.warn(f"has meshes that collide with nothing, as MuJoCo makes no hull of one: {fault}")
-        return spec.compile()
 
 
 def _is_inertia(inertia: ElementTree.Element) -> bool:

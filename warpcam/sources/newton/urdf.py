@@ -229,7 +229,7 @@ class _Writer:
             rows = np.concatenate((corners, part.normals.reshape(-1, 3) @ turn.T), axis=1).astype(np.float32)
             if part.uvs is not None:
                 rows = np.concatenate((rows, part.uvs.reshape(-1, 2).astype(np.float32)), axis=1)
-            rows, faces = np.unique(rows, axis=0, return_inverse=True)
+            rows, faces = meshes.unique_rows(rows)
             visual = trimesh.visual.TextureVisuals(uv=rows[:, 6:]) if part.uvs is not None else None
             mesh = trimesh.Trimesh(
                 rows[:, :3], faces.reshape(-1, 3), vertex_normals=rows[:, 3:6], visual=visual, process=False

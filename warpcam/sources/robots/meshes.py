@@ -90,7 +90,7 @@ def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) 
         )
     if not parts:
         raise WarpcamError(f"{path}: has no triangles that can be drawn in a robot")
-    return parts
+    return [_front(part) for part in parts] if _is_closed(whole(parts)) else parts
 
 
 def whole(parts: Sequence[Part]) -> Part:
@@ -105,10 +105,33 @@ def whole(parts: Sequence[Part]) -> Part:
     )  # fmt: skip
 
 
+def _front(part: Part) -> Part:
+    """A part without what is only seen from behind."""
+    count = part.front
+    uvs = None if part.uvs is None else part.uvs[:count]
+    return replace(part, faces=part.faces[:count], normals=part.normals[:count], uvs=uvs)
+
+
+def _is_closed(part: Part) -> bool:
+    """Whether each edge lies between two faces, or an even number of them."""
+    _, faces = _merged(part.vertices, part.faces)
+    edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1).astype(np.int64)
+    counts = np.unique(edges[:, 0] << 32 | edges[:, 1], return_counts=True)[1]
+    return bool((counts % 2 == 0).all())
+
+
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Make vertices in the same place one."""
-    unique, which = np.unique(vertices, axis=0, return_inverse=True)
-    return unique, which.reshape(-1)[faces].astype(np.int32)
+    unique, which = unique_rows(vertices)
+    return unique, which[faces].astype(np.int32)
+
+
+def unique_rows(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the different rows of a table of numbers, and which of them each row is; compared by their bytes."""
+    rows = np.ascontiguousarray(rows + 0.0)  # -0.0 is 0.0
+    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).reshape(-1)
+    _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+    return rows[first], which.reshape(-1)
 
 
 def _smooth(faces: np.ndarray, areas: np.ndarray, front: int, count: int) -> np.ndarray:
