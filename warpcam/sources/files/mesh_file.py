@@ -22,9 +22,7 @@ from warpcam.sources.common.images import (
     ENCODED,
     LINEAR,
     TRANSFER,
-    UnreadableError,
     corner_colors,
-    decoded,
     named_images,
     packed,
     pixels_of,
@@ -35,11 +33,11 @@ from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, 
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.files import gltf_unsupported, mtl, stl
+from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
 GLTF = (".glb", ".gltf")
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp", ".ktx2", ".dds")
 
 
 def load(
@@ -80,7 +78,7 @@ def read_graph(
             if kind == ".dae":
                 return _collada(path, collector, meters_per_unit, up_axis)
             source = io.BytesIO(stl.triangles_of(path, collector)) if kind == ".stl" else str(path)
-            resolver = _Resolver(path, collector)
+            resolver = Resolver(path, collector)
             scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
         except WarpcamError:
             raise
@@ -130,66 +128,8 @@ def _options(path: Path) -> dict[str, Any]:
     return {"fix_texture": b"texturefile" in head}
 
 
-class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-    """Finds what a file names, and tells of what is not there: trimesh goes on without."""
-
-    def __init__(self, path: Path, collector: WarningCollector):
-        super().__init__(str(path), allow_anywhere=True)
-        self._collector = collector
-        self._is_obj = path.suffix.lower() == ".obj"
-        self.library: dict[str, dict[str, str]] = {}
-        self.gave_image = False
-        if self._is_obj:
-            text = path.read_bytes().decode("utf-8", "replace")
-            self.library = mtl.read_libraries(
-                mtl.libraries_of(text),
-                self._bytes,
-                lambda line: collector.warn("names a library of materials that is not found", line),
-            )
-            for name in mtl.used_materials(text):
-                if name not in self.library:
-                    collector.warn("is used as a material, but no mtllib defines it; it is drawn grey", name)
-
-    def found(self, name: str) -> bytes | None:
-        """A file's contents; None if there is none, which is told."""
-        data = self._bytes(name)
-        if data is None:
-            what = "a file is not found; if it is a texture, its material is drawn in its base colour"
-            self._collector.warn(what, name)
-        return data
-
-    def _bytes(self, name: str) -> bytes | None:
-        for written in dict.fromkeys((name, name.replace("\\", "/"))):
-            try:
-                data: bytes = super().get(written)
-            except (OSError, ValueError):
-                continue
-            return data
-        return None
-
-    def get(self, name: str) -> bytes:
-        if self._is_obj:  # its library: trimesh only tells which faces have which material
-            return "".join(f"newmtl {material}\n" for material in self.library).encode()
-        try:
-            data: bytes = super().get(name)
-        except OSError:
-            self._collector.warn(
-                "a file is not found; if it is a texture, its material is drawn in its base colour", name
-            )
-            raise
-        if Path(name).suffix.lower() in PICTURES:
-            try:
-                decoded(data)
-            except UnreadableError as error:
-                what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
-                self._collector.warn(what, name)
-            else:
-                self.gave_image = True
-        return data
-
-
 class _Reader:
-    def __init__(self, scene: Any, graph: SceneGraph, is_gltf: bool, collector: WarningCollector, resolver: _Resolver):
+    def __init__(self, scene: Any, graph: SceneGraph, is_gltf: bool, collector: WarningCollector, resolver: Resolver):
         self._scene, self._graph, self._is_gltf, self._collector = scene, graph, is_gltf, collector
         self._library, self._resolver = resolver.library, resolver
         self._obj_looks = mtl.LookReader(resolver.library, resolver.found, self._texture, collector)
