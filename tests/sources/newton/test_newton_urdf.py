@@ -112,3 +112,16 @@ def test_bad_calls(tmp_path: Path) -> None:
         (tmp_path / "it.urdf").write_text(text)
         with pytest.raises(wc.WarpcamError, match="is no URDF file"):
             wc.add_urdf(newton.ModelBuilder(), tmp_path / "it.urdf")
+
+
+def test_units_that_newton_leaves_out_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """A box of 1 x 2 x 3 m in centimetres is 300 m long by Newton's own importer."""
+    for unit, told in ((1.0, 0), (0.01, 1)):
+        box_in(unit, tmp_path / "it.dae")
+        builder = newton.ModelBuilder()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)
+            builder.add_urdf(str(robot(tmp_path, mesh("it.dae"))))
+        model = builder.finalize(device="cpu")
+        wc.from_newton(model, model.state())
+        assert caplog.text.count("Newton's importers leave out the <unit> of COLLADA files") == told

@@ -81,7 +81,7 @@ class _Reader:
     images: dict[str, np.ndarray | None] = field(default_factory=dict)
     textures: dict[tuple[str, bool], int] = field(default_factory=dict)
     parts: dict[tuple[str, int], MeshGeometry | None] = field(default_factory=dict)
-    colors: dict[str, tuple[int, tuple[float, ...] | None]] = field(default_factory=dict)
+    colors: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
     def read(self) -> None:
         for error in self.file.errors:
@@ -131,8 +131,8 @@ class _Reader:
         if faces.min() < 0 or faces.max() >= len(vertices) or not np.isfinite(vertices[faces]).all():
             self.collector.warn("has indices out of range or vertices that are not finite, and is left out", tag)
             return None
-        used, faces = np.unique(faces, return_inverse=True)
-        vertices, faces = vertices[used], faces.reshape(-1, 3).astype(np.int32)
+        used, order = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[used], np.asarray(order.reshape(-1, 3), np.int32)
         normals = uvs = None
         if primitive.normal is not None and primitive.normal_index is not None:
             given = np.asarray(primitive.normal, np.float64)[primitive.normal_index].reshape(-1, 3, 3)

@@ -149,7 +149,9 @@ class _Robot:
         geometry = element.find("geometry")
         mesh = geometry.find("mesh") if geometry is not None else None
         name, visual = element.get("name", ""), element.tag == "visual"
-        look, file, scale = look_of(element, named), None, (1.0, 1.0, 1.0)
+        look = look_of(element, named)
+        file: Path | None = None
+        scale: tuple[float, ...] = (1.0, 1.0, 1.0)
         if geometry is not None and mesh is not None:
             file = Path(mesh.get("filename", ""))
             try:
@@ -170,7 +172,8 @@ class _Robot:
 
     def _read_shapes(self) -> set[str]:
         """Read all meshes, and return the links whose collision shapes are drawn."""
-        shown, lost = set(), {}
+        shown: set[str] = set()
+        lost: dict[str, list[str]] = {}
         for shape in self._shapes.values():
             if shape.file is None:
                 continue
@@ -243,6 +246,7 @@ class _Robot:
     def _dress(self, spec: Any, geom: Any, look: UrdfLook, part: meshes.Part | None) -> None:
         """Give a shape the look of the robot's file, or else that of its mesh."""
         image: Any = None
+        key: Any = None
         if look.texture:
             image, key = self._image(look.texture), look.texture
         elif part is not None and look.rgba is None and part.image is not None:
