@@ -91,6 +91,13 @@ def test_unknown_materials_are_named_once(tmp_path: Path, caplog: pytest.LogCapt
     assert caplog.text.count("no mtllib defines it; it is drawn grey: none, gone") == 1
 
 
+def test_names_in_other_codes(tmp_path: Path, device: wp.Device) -> None:
+    path = square(tmp_path, "Kd 1 0 0")
+    path.write_bytes(path.read_bytes().replace(b"usemtl m", "usemtl grün".encode("latin-1")))
+    (tmp_path / "it.mtl").write_bytes("newmtl grün\nKd 1 0 0\n".encode("latin-1"))
+    assert corners(path, device) == RED
+
+
 def test_gloss_of_obj(tmp_path: Path) -> None:
     def look(mtl: str) -> Any:
         return wc.load(square(tmp_path, mtl), device="cpu")._graph_source.graph.materials[0]
@@ -107,7 +114,7 @@ def test_statements() -> None:
     found = texture_map("-s 1 2 -clamp on -bm 0.5 1.png")
     assert (found.file, found.options["-s"], found.options["-clamp"]) == ("1.png", ["1", "2"], ["on"])
     lost: list[str] = []
-    assert read_libraries(["a"], lambda _: b"Kd 1\nnewmtl x\nKd 2\nkd 3\n", lost.append) == {"x": {"kd": "3"}}
+    assert read_libraries(["a"], lambda _: "Kd 1\nnewmtl x\nKd 2\nkd 3\n", lost.append) == {"x": {"kd": "3"}}
     assert read_libraries(["a b.mtl"], lambda _: None, lost.append) == {} and lost == ["a b.mtl"]
 
 

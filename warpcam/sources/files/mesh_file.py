@@ -29,6 +29,7 @@ from warpcam.sources.common.images import (
     ply_colors,
 )
 from warpcam.sources.common.opacity import opacity_of
+from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
@@ -77,8 +78,11 @@ def read_graph(
         try:
             if kind == ".dae":
                 return _collada(path, collector, meters_per_unit, up_axis)
-            source = io.BytesIO(stl.triangles_of(path, collector)) if kind == ".stl" else str(path)
             resolver = Resolver(path, collector)
+            source: Any = str(path)
+            if kind in (".stl", ".obj"):
+                data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
+                source = io.BytesIO(data)
             scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
         except WarpcamError:
             raise
@@ -110,8 +114,7 @@ def read_graph(
 
 
 def _collada(path: Path, collector: WarningCollector, meters_per_unit: float | None, up_axis: str | None) -> SceneGraph:
-    from warpcam.sources.files import collada_file
-
+    collada_file = import_source("files.collada_file", "meshes")
     graph = SceneGraph(str(path), [FrameNode("/", -1, np.eye(4))])
     graph.nodes[0].local = collada_file.read(path, graph, collector, meters_per_unit, up_axis)
     if not graph.items:

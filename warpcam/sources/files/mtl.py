@@ -56,6 +56,14 @@ class ObjLook:
     pixels: np.ndarray | None = None
 
 
+def text_of(data: bytes) -> str:
+    """Decode an OBJ file or a library, so that names in both are the same: UTF-8, or else Latin-1."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def libraries_of(text: str) -> list[str]:
     """Return what an OBJ file writes behind ``mtllib``: a file name each, or several, or one with spaces."""
     return [rest for key, rest in _statements(text) if key == "mtllib" and rest]
@@ -67,13 +75,13 @@ def used_materials(text: str) -> list[str]:
 
 
 def read_libraries(
-    names: Sequence[str], read: Callable[[str], bytes | None], missing: Callable[[str], None]
+    names: Sequence[str], read: Callable[[str], str | None], missing: Callable[[str], None]
 ) -> dict[str, dict[str, str]]:
     """Return the statements of all materials of some libraries by their names, keywords in lower case.
 
     Args:
         names: Of ``libraries_of``.
-        read: Gives a file's contents, or None if there is none.
+        read: Gives a file's text, or None if there is none.
         missing: Hears of names that are not found.
     """
     found: dict[str, dict[str, str]] = {}
@@ -85,7 +93,7 @@ def read_libraries(
                 missing(line)
         for data in files:
             own: dict[str, str] = {}
-            for key, rest in _statements((data or b"").decode("utf-8", "replace")):
+            for key, rest in _statements(data or ""):
                 if key == "newmtl":
                     own = found[rest] = {}
                 else:

@@ -12,19 +12,25 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp", ".ktx2", "
 
 
 class Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-    """Finds what a file names, and tells of what is not there: trimesh goes on without."""
+    """Finder of what a file names, which tells of what is not there: trimesh goes on without.
+
+    Attributes:
+        library: Of ``mtl.read_libraries``, of an OBJ file.
+        text: Of an OBJ file.
+        gave_image: Whether an image was found.
+    """
 
     def __init__(self, path: Path, collector: WarningCollector):
         super().__init__(str(path), allow_anywhere=True)
         self._collector = collector
         self._is_obj = path.suffix.lower() == ".obj"
         self.library: dict[str, dict[str, str]] = {}
-        self.gave_image = False
+        self.gave_image, self.text = False, ""
         if self._is_obj:
-            text = path.read_bytes().decode("utf-8", "replace")
+            text = self.text = mtl.text_of(path.read_bytes())
             self.library = mtl.read_libraries(
                 mtl.libraries_of(text),
-                self._bytes,
+                self._text,
                 lambda line: collector.warn("names a library of materials that is not found", line),
             )
             for name in mtl.used_materials(text):
@@ -38,6 +44,10 @@ class Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
             what = "a file is not found; if it is a texture, its material is drawn in its base colour"
             self._collector.warn(what, name)
         return data
+
+    def _text(self, name: str) -> str | None:
+        data = self._bytes(name)
+        return None if data is None else mtl.text_of(data)
 
     def _bytes(self, name: str) -> bytes | None:
         for written in dict.fromkeys((name, name.replace("\\", "/"))):

@@ -28,8 +28,8 @@ def tell_huge_meshes(model: newton.Model) -> None:
     if found:
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""
         logging.getLogger("warpcam").warning(
-            "from_newton: shape '%s'%s is more than %g m long. Newton's importers leave out the <unit> of COLLADA files; "
-            "warpcam.add_urdf(builder, path) reads them in metres",
+            "from_newton: shape '%s'%s is more than %g m long. Newton's importers leave out the <unit> of COLLADA "
+            "files; warpcam.add_urdf(builder, path) reads them in metres",
             found[0],
             more,
             HUGE,
