@@ -7,7 +7,7 @@ from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Distorted, Fisheye, Rays
 from warpcam.core.errors import WarpcamError
-from warpcam.load import from_mujoco, from_mujoco_warp, from_newton, from_usd, load
+from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
 from warpcam.render.memory import Memory, estimate_memory
 from warpcam.render.renderer import Renderer
@@ -36,6 +36,7 @@ __all__ = [
     "Scene",
     "Uniform",
     "WarpcamError",
+    "add_urdf",
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",

@@ -120,6 +120,21 @@ def from_newton(
     return scene
 
 
+def add_urdf(builder: Any, path: Any, *, packages: Mapping[str, Any] | None = None, **options: Any) -> None:
+    """Add the robot of a URDF file to a Newton builder, by ``builder.add_urdf``, with meshes as ``load`` reads them.
+
+    Meshes keep the units, colours and textures of their files. A mesh that cannot be read costs its link that shape, or
+    shows the link's collision shapes, with a warning.
+
+    Args:
+        builder: A ``newton.ModelBuilder``.
+        path: The file.
+        packages: As ``load`` has it.
+        options: Of ``builder.add_urdf``: ``xform``, ``floating`` and the like.
+    """
+    import_source("newton.urdf", "newton").add(builder, path, packages, options)
+
+
 @preserve_cuda_context()
 def from_usd(
     path_or_stage: Any,
@@ -182,23 +197,28 @@ def load(
     up_axis: str | None = "Z",
     textures: Mapping[str, Any] | None = None,
     transparency: bool | None = None,
+    packages: Mapping[str, Any] | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
-    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh. Both give a
-    ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, and simulated by nobody: a scene as the file has it.
+    .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh, .dae by
+    pycollada. All give a ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, the meshes of .urdf as such files
+    alone, and simulated by nobody: a scene as the file has it.
 
     Args:
         path: The file.
         num_worlds: How many worlds.
         device: Where to render; None is Warp's current device.
         meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
-        up_axis: "Z" turns USD and glTF scenes so that z is up; None keeps their own axes. Others are as they are.
+        up_axis: "Z" turns USD, glTF and COLLADA scenes so that z is up; None keeps their own axes. Others are as they
+            are, and so are all meshes of a robot.
         textures: More images for ``DrivenScene.set_textures``.
         transparency: As ``from_newton`` has it.
+        packages: Folders of ROS packages by their names, for ``package://`` in .urdf files. Other packages are looked
+            for in the folders above the file and in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``.
     """
     from warpcam.sources import load_file
 
     return load_file.load(
-        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency
+        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency, packages
     )

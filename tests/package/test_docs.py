@@ -114,6 +114,7 @@ def memory() -> Names:
 
 
 def newton() -> Names:
+    trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("newton")
 
     class Solver:
@@ -121,6 +122,10 @@ def newton() -> Names:
             other.assign(state)
 
     Path("robot.xml").write_text(CONTROLLED)
+    Path("src/arm_description").mkdir(parents=True)
+    Path("src/arm_description/box.stl").write_bytes(trimesh.creation.box().export(file_type="stl"))
+    mesh = '<visual><geometry><mesh filename="package://arm_description/box.stl"/></geometry></visual>'
+    Path("arm.urdf").write_text(f'<robot name="arm"><link name="base">{mesh}</link></robot>')
     return {"solver": Solver(), "control": None, "contacts": None, "dt": 0.01}
 
 

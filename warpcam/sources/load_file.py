@@ -11,9 +11,10 @@ from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
 from warpcam.sources.common.optional import import_source
+from warpcam.sources.robots.packages import check_packages
 
 USD = (".usd", ".usda", ".usdc", ".usdz")
-MESHES = (".glb", ".gltf", ".obj", ".stl", ".ply")
+MESHES = (".glb", ".gltf", ".dae", ".obj", ".stl", ".ply")
 MUJOCO = (".xml", ".mjb", ".urdf")
 
 
@@ -25,6 +26,7 @@ def load(
     up_axis: str | None,
     textures: Mapping[str, Any],
     transparency: bool | None = None,
+    packages: Mapping[str, Any] | None = None,
 ) -> Scene:
     """See ``warpcam.load``."""
     if not isinstance(path, str | Path):
@@ -40,6 +42,9 @@ def load(
         raise WarpcamError(f'up_axis must be "Z", or None for the file\'s own axes, got {up_axis!r}')
     check_unit(meters_per_unit)
     check_tristate("transparency", transparency)
+    if packages and kind != ".urdf":
+        raise WarpcamError(f"load: packages is for .urdf files, not for {kind} files")
+    folders = check_packages(packages, "load")
     if kind in USD:
         stage: Scene = import_source("usd.source", "usd").load(
             file,
@@ -62,7 +67,7 @@ def load(
                 raise WarpcamError(f"load: {name} is not for {kind} files")
         from warpcam.sources.mujoco import batch_file
 
-        put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device))
+        put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders)
         worlds: Scene = import_source("mujoco.device").load(
             put.host, put.model, put.data, (0, 1, 2), transparency=transparency
         )

@@ -79,6 +79,20 @@ def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
     return found
 
 
+def ply_colors(rows: Any, count: int) -> np.ndarray | None:
+    """Colours of a PLY file's vertices or faces, (row, 3) uint8, of its properties by name; None if it has none."""
+    names = getattr(getattr(rows, "dtype", None), "names", None) or (rows if isinstance(rows, dict) else ())
+    for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
+        if all(key in names for key in keys):
+            values = np.stack([np.asarray(rows[key]).reshape(-1) for key in keys], axis=1)
+            if len(values) != count:
+                return None
+            if values.dtype.kind == "f":
+                values = np.rint(255.0 * np.clip(np.nan_to_num(values), 0.0, 1.0))
+            return np.clip(values, 0, 255).astype(np.uint8)
+    return None
+
+
 def wrapped(
     pixels: np.ndarray, wrap: tuple[str, str], low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -115,7 +129,7 @@ def wrapped(
             pixels[(slice(None), outside) if axis == 0 else outside] = 0
         scale[axis] = 1.0 / (last - first)
         offset[axis] = -first / (last - first)
-    return None if (scale == 1.0).all() else (pixels, scale, offset)
+    return None if (scale == 1.0).all() and (offset == 0.0).all() else (pixels, scale, offset)
 
 
 def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,5 +1,6 @@
-"""Files of meshes: glTF, OBJ, STL, PLY, through the `trimesh` package."""
+"""Files of meshes: glTF, OBJ, STL, PLY, through the `trimesh` package, and COLLADA."""
 
+import io
 import logging
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -22,23 +23,23 @@ from warpcam.sources.common.images import (
     ENCODED,
     LINEAR,
     TRANSFER,
-    UnreadableError,
     corner_colors,
-    decoded,
     named_images,
     packed,
     pixels_of,
+    ply_colors,
 )
 from warpcam.sources.common.opacity import opacity_of
+from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.files import gltf_unsupported
+from warpcam.sources.files import gltf_unsupported, mtl, stl
+from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
 
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
 GLTF = (".glb", ".gltf")
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp", ".ktx2", ".dds")
 
 
 def load(
@@ -53,60 +54,90 @@ def load(
 ) -> DrivenScene:
     images, where = named_images(textures), device_rule.resolve(device)
     collector = WarningCollector(str(path))
-    is_gltf = path.suffix.lower() in GLTF
+    try:
+        graph = read_graph(path, collector, meters_per_unit, up_axis)
+    finally:
+        collector.say()
+    for label, image in images.items():
+        graph.texture_names.append(label)
+        graph.textures.append(image)
+    return DrivenScene(SceneGraphSource(graph, num_worlds, where, transparency=transparency))
+
+
+def read_graph(
+    path: Path, collector: WarningCollector, meters_per_unit: float | None = None, up_axis: str | None = "Z"
+) -> SceneGraph:
+    """Read a file of meshes; ``meters_per_unit`` and ``up_axis`` as ``warpcam.load`` has them.
+
+    Raises:
+        WarpcamError: The file cannot be read, or shows nothing.
+    """
+    kind = path.suffix.lower()
+    if path.stat().st_size == 0:
+        raise WarpcamError(f"{path}: is empty: it has no bytes at all")
     with _heard(collector) as heard:
         try:
-            scene = trimesh.load_scene(str(path), process=False, resolver=_Resolver(path, collector))
+            if kind == ".dae":
+                return _collada(path, collector, meters_per_unit, up_axis)
+            resolver = Resolver(path, collector)
+            source: Any = str(path)
+            if kind in (".stl", ".obj"):
+                data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
+                source = io.BytesIO(data)
+            scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
+        except WarpcamError:
+            raise
         except MemoryError:
             raise WarpcamError(f"{path}: does not fit into memory") from None
         except Exception as error:  # whatever a broken file makes a parser raise
-            raise WarpcamError(f"{path}: trimesh cannot read it: {type(error).__name__}: {error}"[:500]) from None
+            reader = "pycollada" if kind == ".dae" else "trimesh"
+            raise WarpcamError(f"{path}: {reader} cannot read it: {type(error).__name__}: {error}"[:500]) from None
         missing = next((text for text in heard if "didn't decode" in text), None)
         if missing is not None:  # it goes on with zeros
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
         root[3, 3] = 1.0
+        is_gltf = kind in GLTF
         graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
         if is_gltf:
             gltf_unsupported.tell(path, collector)
-        _Reader(scene, graph, is_gltf, collector).read()
+        _Reader(scene, graph, is_gltf, collector, resolver).read()
+    clouds = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.PointCloud)]
+    if not graph.items and clouds:
+        count = sum(len(cloud.vertices) for cloud in clouds)
+        raise WarpcamError(
+            f"{path}: is a cloud of {count} points without faces, which has no surface to draw; make a mesh of it, or "
+            "Gaussian splats"
+        )
     if not graph.items:
-        collector.say()
         raise WarpcamError(f"{path}: has no triangles that can be drawn")
-    for label, image in images.items():
-        graph.texture_names.append(label)
-        graph.textures.append(image)
-    collector.say()
-    return DrivenScene(SceneGraphSource(graph, num_worlds, where, transparency=transparency))
+    return graph
 
 
-class _Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
-    """Finds what a file names, and tells of what is not there: trimesh goes on without."""
+def _collada(path: Path, collector: WarningCollector, meters_per_unit: float | None, up_axis: str | None) -> SceneGraph:
+    collada_file = import_source("files.collada_file", "meshes")
+    graph = SceneGraph(str(path), [FrameNode("/", -1, np.eye(4))])
+    graph.nodes[0].local = collada_file.read(path, graph, collector, meters_per_unit, up_axis)
+    if not graph.items:
+        raise WarpcamError(f"{path}: has no triangles that can be drawn")
+    return graph
 
-    def __init__(self, path: Path, collector: WarningCollector):
-        super().__init__(str(path), allow_anywhere=True)
-        self._collector = collector
 
-    def get(self, name: str) -> bytes:
-        try:
-            data: bytes = super().get(name)
-        except OSError:
-            self._collector.warn(
-                "a file is not found; if it is a texture, its material is drawn in its base colour", name
-            )
-            raise
-        if Path(name).suffix.lower() in PICTURES:
-            try:
-                decoded(data)
-            except UnreadableError as error:
-                what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
-                self._collector.warn(what, name)
-        return data
+def _options(path: Path) -> dict[str, Any]:
+    """Options of trimesh's reader: vertices of a PLY file are left as they are where no image needs others."""
+    if path.suffix.lower() != ".ply":
+        return {}
+    with path.open("rb") as file:
+        head = file.read(1 << 16).split(b"end_header")[0].lower()
+    return {"fix_texture": b"texturefile" in head}
 
 
 class _Reader:
-    def __init__(self, scene: Any, graph: SceneGraph, is_gltf: bool, collector: WarningCollector):
+    def __init__(self, scene: Any, graph: SceneGraph, is_gltf: bool, collector: WarningCollector, resolver: Resolver):
         self._scene, self._graph, self._is_gltf, self._collector = scene, graph, is_gltf, collector
+        self._library, self._resolver = resolver.library, resolver
+        self._obj_looks = mtl.LookReader(resolver.library, resolver.found, self._texture, collector)
+        self._obj: dict[str, tuple[int, mtl.ObjLook]] = {}
         self._nodes: dict[Any, int] = {scene.graph.base_frame: 0}
         self._read: dict[Any, tuple[Geometry, int, Any] | None] = {}
         self._looks: dict[int, int] = {}
@@ -173,26 +204,56 @@ class _Reader:
         if visual.kind == "texture":
             if visual.uv is not None and len(visual.uv) == len(vertices) and np.isfinite(visual.uv).all():
                 uvs = np.asarray(visual.uv, np.float64)[faces]
-            look = self._look(visual.material)
-            if self._is_gltf:
+            if not self._is_gltf:
+                look, uvs, color = self._said(name, mesh, faces, uvs)
+            else:
+                look = self._look(visual.material)
                 both = bool(getattr(visual.material, "doubleSided", False))
                 tint = _tint(visual.vertex_attributes.get("color"), len(vertices))
                 if tint is not None:
                     look, uvs = self._tinted(name, look, tint[faces], uvs)
         elif visual.kind in ("vertex", "face"):
             per_corner = visual.vertex_colors[faces] if visual.kind == "vertex" else visual.face_colors[:, None]
-            per_corner = np.broadcast_to(np.asarray(per_corner, np.uint8), (len(faces), 3, 4))[..., :3]
-            shown = ENCODED[per_corner] if self._is_gltf else per_corner
-            if (shown == shown[0, 0]).all():
-                color = (*map(float, LINEAR[shown[0, 0]]), 1.0)
-            else:
-                image, uvs = corner_colors(np.ascontiguousarray(shown))
-                self._graph.materials.append(
-                    Material(f"{name}/colors", materials.WHITE, texture=self._texture(name, image))
-                )
-                look = len(self._graph.materials) - 1
+            look, uvs, color = self._colored(name, per_corner, len(faces))
         surface = MeshGeometry(name, vertices, faces.astype(np.int32), normals, uvs, both)
         return surface, look, color
+
+    def _said(self, name: str, mesh: Any, faces: np.ndarray, uvs: Any) -> tuple[int, Any, Any]:
+        """Look, texture coordinates and colour as an OBJ or PLY file says them: trimesh's own material is grey."""
+        material = mesh.visual.material
+        known, image = str(getattr(material, "name", None)), getattr(material, "image", None)
+        raw = mesh.metadata.get("_ply_raw", {})
+        if known in self._library:
+            if known not in self._obj:
+                self._obj[known] = len(self._graph.materials), self._obj_looks.look(known)
+                self._graph.materials.append(self._obj[known][1].material)
+            look, found = self._obj[known]
+            if uvs is not None:
+                uvs, pixels = mtl.laid(found, uvs)
+                if pixels is not None:
+                    self._graph.materials.append(replace(found.material, texture=self._texture(known, pixels)))
+                    look = len(self._graph.materials) - 1
+            return look, uvs, None
+        if raw and self._resolver.gave_image:
+            self._graph.materials.append(
+                Material(f"{name}/texture", materials.WHITE, texture=self._image(name, "color", image))
+            )
+            return len(self._graph.materials) - 1, uvs, None
+        for element, count in (("vertex", len(mesh.vertices)), ("face", len(faces))):
+            colors = ply_colors(raw.get(element, {}).get("data"), count)
+            if colors is not None:
+                return self._colored(name, colors[faces] if element == "vertex" else colors[:, None], len(faces))
+        return -1, uvs, None
+
+    def _colored(self, name: str, per_corner: Any, count: int) -> tuple[int, Any, Any]:
+        """Look, texture coordinates and colour of display colours of corners, (face, 3 or 1, 3 or 4) uint8."""
+        per_corner = np.broadcast_to(np.asarray(per_corner, np.uint8)[..., :3], (count, 3, 3))
+        shown = ENCODED[per_corner] if self._is_gltf else per_corner
+        if (shown == shown[0, 0]).all():
+            return -1, None, (*map(float, LINEAR[shown[0, 0]]), 1.0)
+        image, uvs = corner_colors(np.ascontiguousarray(shown))
+        self._graph.materials.append(Material(f"{name}/colors", materials.WHITE, texture=self._texture(name, image)))
+        return len(self._graph.materials) - 1, uvs, None
 
     def _tinted(self, name: str, look: int, tint: np.ndarray, uvs: Any) -> tuple[int, Any]:
         """A look and texture coordinates with colours of corners on top, (face, 3, 3), linear."""
@@ -216,44 +277,21 @@ class _Reader:
 
     def _translated(self, material: Any) -> Material:
         name = str(getattr(material, "name", None) or f"material {len(self._graph.materials)}")
-        if isinstance(material, trimesh.visual.material.PBRMaterial):
-            factor = _factors(material.baseColorFactor)
-            metal, rough = material.metallicFactor, material.roughnessFactor
-            emission = _factors(material.emissiveFactor, default=0.0)[:3]
-            look = Material(
-                name,
-                color=(factor[0], factor[1], factor[2]),
-                roughness=1.0 if rough is None else float(rough),
-                metallic=1.0 if metal is None else float(metal),
-                emission=(emission[0], emission[1], emission[2]),
-                texture=self._image(name, "color", material.baseColorTexture),
-                normals=self._image(name, "normals", material.normalTexture),
-                packed=self._image(name, "packed", material.metallicRoughnessTexture, material.occlusionTexture),
-                emission_texture=self._image(name, "emission", material.emissiveTexture),
-            )
-            return self._with_opacity(look, material, factor[3])
-        diffuse = LINEAR[np.asarray(material.main_color, np.uint8)[:3]]
-        return Material(
+        factor = _factors(material.baseColorFactor)
+        metal, rough = material.metallicFactor, material.roughnessFactor
+        emission = _factors(material.emissiveFactor, default=0.0)[:3]
+        look = Material(
             name,
-            (float(diffuse[0]), float(diffuse[1]), float(diffuse[2])),
-            opacity=self._dissolve(name, getattr(material, "kwargs", {})),
-            texture=self._image(name, "color", getattr(material, "image", None)),
+            color=(factor[0], factor[1], factor[2]),
+            roughness=1.0 if rough is None else float(rough),
+            metallic=1.0 if metal is None else float(metal),
+            emission=(emission[0], emission[1], emission[2]),
+            texture=self._image(name, "color", material.baseColorTexture),
+            normals=self._image(name, "normals", material.normalTexture),
+            packed=self._image(name, "packed", material.metallicRoughnessTexture, material.occlusionTexture),
+            emission_texture=self._image(name, "emission", material.emissiveTexture),
         )
-
-    def _dissolve(self, name: str, said: Mapping[str, Any]) -> float:
-        """The opacity of a material of OBJ, of what its file says beside colours."""
-        if "map_d" in said:
-            self._collector.warn("has map_d, which is not drawn", name)
-        if "tr" in said and "d" not in said:  # programs do not agree on what it is
-            self._collector.warn("has Tr without d, which is not drawn", name)
-        try:
-            opacity = float(said["d"][-1]) if "d" in said else 1.0
-        except (TypeError, ValueError, IndexError):
-            opacity = np.nan
-        if not np.isfinite(opacity):
-            self._collector.warn("has d that is not a finite number, and is solid", name)
-            return 1.0
-        return float(np.clip(opacity, 0.0, 1.0))
+        return self._with_opacity(look, material, factor[3])
 
     def _with_opacity(self, look: Material, material: Any, factor: float) -> Material:
         mode, image, values = material.alphaMode, material.baseColorTexture, None

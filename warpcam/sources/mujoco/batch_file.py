@@ -1,5 +1,6 @@
 """Many worlds of one MJCF file, for the command line: MuJoCo-Warp holds them, each with joints of its own."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -30,14 +31,16 @@ class MujocoBatch:
     data: Any
 
 
-def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) -> MujocoBatch:
+def load(
+    path: Path, *, num_worlds: int, seed: int | None, device: wp.Device, packages: Mapping[str, Path] | None = None
+) -> MujocoBatch:
     """Read an MJCF or URDF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
 
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
-    are random within their ranges, or the same without a seed.
+    are random within their ranges, or the same without a seed. ``packages`` are folders that a URDF file names.
     """
     mjw = _needed("mujoco_warp")
-    host, state = read(path)
+    host, state = read(path, packages)
     try:
         with wp.ScopedDevice(device):
             model = mjw.put_model(host)
@@ -52,12 +55,12 @@ def load(path: Path, *, num_worlds: int, seed: int | None, device: wp.Device) ->
     return MujocoBatch(host, model, data)
 
 
-def read(path: Path) -> tuple[Any, Any]:
+def read(path: Path, packages: Mapping[str, Path] | None = None) -> tuple[Any, Any]:
     """The host's model and state of an MJCF or URDF file (or .mjb), at its first keyframe if there is one."""
     mujoco = _needed("mujoco")
     try:
         if path.suffix.lower() == ".urdf":
-            host = urdf.load(path)
+            host = urdf.load(path, packages)
         else:
             model = mujoco.MjModel
             host = (model.from_binary_path if path.suffix.lower() == ".mjb" else model.from_xml_path)(str(path))

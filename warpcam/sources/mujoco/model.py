@@ -209,12 +209,17 @@ def _mesh(mjm: mujoco.MjModel, index: int) -> Mesh:
     facenormal = rows(mjm.mesh_facenormal, mjm.mesh_faceadr, mjm.mesh_facenum)
     _check_corners(name, "facenormal", facenormal, len(normal))
     normals = normal[facenormal].astype(np.float32)
-    uvs = None
+    uvs, lacking = None, np.ones(len(faces), bool)
     if mjm.mesh_texcoordadr[index] >= 0:
-        texcoord = rows(mjm.mesh_texcoord, mjm.mesh_texcoordadr, mjm.mesh_texcoordnum)
         facetexcoord = rows(mjm.mesh_facetexcoord, mjm.mesh_faceadr, mjm.mesh_facenum)
-        _check_corners(name, "facetexcoord", facetexcoord, len(texcoord))
-        uvs = texcoord[facetexcoord].astype(np.float32)
+        lacking = (facetexcoord == -1).any(axis=1)  # of one corner at least: the image is projected, as without any
+    if not lacking.all():
+        texcoord = rows(mjm.mesh_texcoord, mjm.mesh_texcoordadr, mjm.mesh_texcoordnum)
+        _check_corners(name, "facetexcoord", np.where(lacking[:, None], 0, facetexcoord), len(texcoord))
+        uvs = texcoord[np.where(lacking[:, None], 0, facetexcoord)].astype(np.float32)
+        half = np.maximum(np.abs(vertices).max(axis=0), 1e-12)
+        projected = (vertices / half)[faces][..., :2] * (0.5, -0.5) - 0.5
+        uvs[lacking] = projected[lacking]
         uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
     else:
         flat = face_normals(vertices, faces)[:, None, :]

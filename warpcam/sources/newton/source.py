@@ -20,6 +20,7 @@ from warpcam.scene.layers import transparent_layers
 from warpcam.scene.light import Light, light_arrays
 from warpcam.scene.scene import Scene
 from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneDescription
+from warpcam.sources.newton.collada_units import tell_huge_meshes
 from warpcam.sources.newton.deformables import Deformables, read_deformables
 from warpcam.sources.newton.kernels.gather import WHITE, FlatShapes, WorldShapes, bind_gather, write_worlds
 from warpcam.sources.newton.labels import read_labels
@@ -392,4 +393,5 @@ def load(
 ) -> Scene:
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
+    tell_huge_meshes(model)
     return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures, choice))

@@ -20,7 +20,7 @@ from warpcam.compat.isaacgym.api.property_types import ForceSensorProperties, Te
 from warpcam.compat.isaacgym.assets.merge_fixed_joints import Builder
 from warpcam.compat.isaacgym.assets.mjcf import MjcfDetails
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.mujoco import urdf
+from warpcam.sources.newton import urdf
 
 JOINT = newton.JointType
 MODE = newton.JointTargetMode
@@ -181,7 +181,13 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     builder = Builder(up_axis=newton.Axis.Z)
     builder.default_shape_cfg.density = _density(options, "load_asset")
     readers: dict[str, Callable[[], Any]] = {
-        ".urdf": lambda: builder.add_urdf(_in_order(path), floating=not options.fix_base_link),
+        ".urdf": lambda: urdf.add_urdf(
+            lambda text: builder.add_urdf(text, floating=not options.fix_base_link),
+            builder,
+            path,
+            standing=bool(options.flip_visual_attachments),
+            in_order=True,  # so Isaac Gym goes through those of a body, each with all below it
+        ),
         ".xml": lambda: builder.add_mjcf(str(path), floating=False if options.fix_base_link else None),
         ".usd": lambda: builder.add_usd(str(path), floating=False if options.fix_base_link else None),
     }
@@ -193,14 +199,12 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
         readers[kind]()
         if kind == ".urdf":
             builder.joint_target_mode[:] = [int(MODE.NONE)] * len(builder.joint_target_mode)  # the file names no drives
-            if options.flip_visual_attachments:
-                _flip(builder, path)
         if options.collapse_fixed_joints:
             _collapse(builder, _held(path) if kind == ".urdf" else set())
     except WarpcamError:
         raise
     except Exception as error:
-        raise WarpcamError(f"load_asset: {str(path)!r} cannot be read: {error}") from error
+        raise WarpcamError(f"load_asset: {str(path)!r} cannot be read: {type(error).__name__}: {error}") from error
     _settle(builder, options, up)
     return Asset(path.stem, builder, options, _joint_names(path) if kind == ".xml" else {}, path)
 
@@ -227,46 +231,10 @@ def _density(options: AssetOptions, where: str) -> float:
     return density
 
 
-def _in_order(path: Path) -> str:
-    """A URDF file's text with its joints by name: so Isaac Gym goes through those of a body, each with all below it."""
-    robot = ElementTree.parse(path).getroot()
-    places = [place for place, child in enumerate(robot) if child.tag == "joint"]
-    joints = sorted((robot[place] for place in places), key=lambda joint: joint.get("name", ""))
-    for place, joint in zip(places, joints, strict=True):
-        robot[place] = joint
-    urdf.find_files(robot, path)
-    return ElementTree.tostring(robot, encoding="unicode")
-
-
 def _held(path: Path) -> set[str]:
     """Names of the joints of a URDF file that are not to be collapsed."""
     joints = ElementTree.parse(path).iter("joint")
     return {joint.get("name", "") for joint in joints if joint.get("dont_collapse", "").lower() == "true"}
-
-
-def _flip(builder: newton.ModelBuilder, path: Path) -> None:
-    """Have y be up in the files of meshes that a URDF file only shows, but for .dae files, which say what is."""
-    files = {
-        _last(link.get("name", "")): [mesh.get("filename", "") for mesh in link.findall("visual/geometry/mesh")]
-        for link in ElementTree.parse(path).iter("link")
-    }
-    for body, label in enumerate(builder.body_label):
-        turned = [not file.lower().endswith(".dae") for file in files.get(_last(label), [])]
-        shown = [
-            shape
-            for shape, owner in enumerate(builder.shape_body)
-            if owner == body
-            and builder.shape_type[shape] == newton.GeoType.MESH
-            and not builder.shape_flags[shape] & newton.ShapeFlags.COLLIDE_SHAPES
-        ]
-        if len(set(turned)) > 1 and len(turned) != len(shown):
-            raise WarpcamError(
-                f"load_asset: flip_visual_attachments: link {_last(label)!r} shows .dae files beside others, and one "
-                "of them has several meshes"
-            )
-        for place, shape in enumerate(shown):
-            if turned[min(place, len(turned) - 1)]:
-                builder.shape_transform[shape] *= wp.transform(wp.vec3(), wp.quat(0.5**0.5, 0.0, 0.0, 0.5**0.5))
 
 
 def _collapse(builder: Builder, held: set[str]) -> None:

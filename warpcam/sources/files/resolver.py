@@ -1,0 +1,79 @@
+"""Files that a file of meshes names: libraries of materials, images, buffers."""
+
+from pathlib import Path
+
+import trimesh
+
+from warpcam.sources.common.images import UnreadableError, decoded
+from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.files import mtl
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".gif", ".webp", ".ktx2", ".dds")
+
+
+class Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
+    """Finder of what a file names, which tells of what is not there: trimesh goes on without.
+
+    Attributes:
+        library: Of ``mtl.read_libraries``, of an OBJ file.
+        text: Of an OBJ file.
+        gave_image: Whether an image was found.
+    """
+
+    def __init__(self, path: Path, collector: WarningCollector):
+        super().__init__(str(path), allow_anywhere=True)
+        self._collector = collector
+        self._is_obj = path.suffix.lower() == ".obj"
+        self.library: dict[str, dict[str, str]] = {}
+        self.gave_image, self.text = False, ""
+        if self._is_obj:
+            text = self.text = mtl.text_of(path.read_bytes())
+            self.library = mtl.read_libraries(
+                mtl.libraries_of(text),
+                self._text,
+                lambda line: collector.warn("names a library of materials that is not found", line),
+            )
+            for name in mtl.used_materials(text):
+                if name not in self.library:
+                    collector.warn("is used as a material, but no mtllib defines it; it is drawn grey", name)
+
+    def found(self, name: str) -> bytes | None:
+        """A file's contents; None if there is none, which is told."""
+        data = self._bytes(name)
+        if data is None:
+            what = "a file is not found; if it is a texture, its material is drawn in its base colour"
+            self._collector.warn(what, name)
+        return data
+
+    def _text(self, name: str) -> str | None:
+        data = self._bytes(name)
+        return None if data is None else mtl.text_of(data)
+
+    def _bytes(self, name: str) -> bytes | None:
+        for written in dict.fromkeys((name, name.replace("\\", "/"))):
+            try:
+                data: bytes = super().get(written)
+            except (OSError, ValueError):
+                continue
+            return data
+        return None
+
+    def get(self, name: str) -> bytes:
+        if self._is_obj:  # its library: trimesh only tells which faces have which material
+            return "".join(f"newmtl {material}\n" for material in self.library).encode()
+        try:
+            data: bytes = super().get(name)
+        except OSError:
+            self._collector.warn(
+                "a file is not found; if it is a texture, its material is drawn in its base colour", name
+            )
+            raise
+        if Path(name).suffix.lower() in PICTURES:
+            try:
+                decoded(data)
+            except UnreadableError as error:
+                what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
+                self._collector.warn(what, name)
+            else:
+                self.gave_image = True
+        return data

@@ -1,0 +1,1 @@
+"""URDF files: what they name, for every simulator that reads them."""

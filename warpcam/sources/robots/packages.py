@@ -1,0 +1,89 @@
+"""Files that a URDF file names: by packages of ROS, by URIs, or by paths."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+from xml.etree import ElementTree
+
+from warpcam.core.errors import WarpcamError
+
+FOLDERS_UP = 8  # how far above a file the packages that it names are looked for
+SCHEMES = ("package://", "model://")
+
+
+def check_packages(packages: Any, where: str) -> dict[str, Path]:
+    """Return folders of packages by name, as a user gives them."""
+    if packages is None:
+        return {}
+    if not isinstance(packages, Mapping):
+        raise WarpcamError(f"{where}: packages must map names to folders, got {type(packages).__name__}")
+    found = {}
+    for name, folder in packages.items():
+        if not isinstance(name, str) or not isinstance(folder, str | Path):
+            raise WarpcamError(f"{where}: packages must map names to folders, got {name!r}: {folder!r}")
+        if not Path(folder).is_dir():
+            raise WarpcamError(f"{where}: packages: {name!r}: there is no folder {str(folder)!r}")
+        found[name] = Path(folder)
+    return found
+
+
+def find_files(
+    robot: ElementTree.Element, path: Path, folder: str = ".", packages: Mapping[str, Path] | None = None
+) -> None:
+    """Give the files that a robot names, those of its meshes and textures, whole paths.
+
+    Args:
+        robot: The root of a URDF file.
+        path: Where that is.
+        folder: Where its files are looked for first, from there.
+        packages: Folders of packages.
+    """
+    here = path.resolve().parent
+    for tag in ("mesh", "texture"):
+        for named in robot.iter(tag):
+            if name := named.get("filename"):
+                named.set("filename", _found(name, (here / folder, here), packages or {}))
+
+
+def _found(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> str:
+    """The first place of a file where there is one, or else the first of all."""
+    places = list(_places(name.strip(), folders, packages))
+    return str(next((place for place in places if place.is_file()), places[0]))
+
+
+def _places(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> Iterator[Path]:
+    scheme = next((scheme for scheme in SCHEMES if name.lower().startswith(scheme)), "")
+    for written in dict.fromkeys((name, unquote(name), name.replace("\\", "/"))):
+        if scheme:
+            package, _, rest = written[len(scheme) :].partition("/")
+            yield from _of_package(package, rest, folders[-1], packages)
+        else:
+            plain = written[5:] if written.lower().startswith("file:") else written
+            plain = plain.removeprefix("//localhost") if plain.startswith("//localhost/") else plain
+            plain = plain[2:] if plain.startswith("//") else plain
+            for folder in folders:
+                yield folder / plain
+    for folder in folders:
+        yield folder / Path(name.replace("\\", "/")).name  # where MuJoCo looks by itself
+
+
+def _of_package(package: str, rest: str, here: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
+    if package in packages:
+        yield packages[package] / rest
+    above = [here, *here.parents][:FOLDERS_UP]
+    for root in (*above, *_roots()):
+        if root.name == package:
+            yield root / rest
+        yield root / package / rest
+    for root in above:  # a package's folder may have another name than the package
+        yield root / rest
+
+
+def _roots() -> Iterator[Path]:
+    """Folders of packages by the variables of ROS 1 and 2 and of Gazebo."""
+    for variable, inside in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share"), ("GZ_SIM_RESOURCE_PATH", "")):
+        for root in os.environ.get(variable, "").split(os.pathsep):
+            if root:
+                yield Path(root) / inside
