@@ -28,7 +28,8 @@ REFUSED_CALLS = """
 """.split()
 REFUSED_NAMES = """
     ActionEvent AttractorProperties AXIS_ALL DEFAULT_VIEWER_WIDTH ForceSensor Int2 Int3 KEY_A KeyboardInput
-    MAT_NEOHOOKEAN OmniConnectionParams ParticleState PerformanceTimers SoftContact SoftMaterial SoftMaterialType SpatialForce
+    MAT_NEOHOOKEAN OmniConnectionParams ParticleState PerformanceTimers SoftContact SoftMaterial SoftMaterialType
+    SpatialForce
     TENDON_FIXED TendonType USD_MATERIAL_MDL UsdExportOptions UsdExporter UsdMaterialMode Viewer carb_init cross dot
     eulers_to_quats_zyx quats_to_eulers_zyx rotate rotate_inverse transform transform_inverse
 """.split()
