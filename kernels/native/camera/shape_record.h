@@ -31,7 +31,8 @@ enum ShapeType {
     TRIPLANAR,
     TEXTURE_ALPHA,
     LIT_NORMALS,
-    COINCIDENT
+    COINCIDENT,
+    PLANES_FROM_BEHIND
 };
 // RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own, see
 // camera/offset_rays.h.

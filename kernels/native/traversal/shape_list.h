@@ -14,7 +14,7 @@ constexpr int analytic_types(int types)
            & ~(1 << HEIGHT_FIELD | 1 << MESH | 1 << PER_SHAPE_SCALE | 1 << TWO_SIDED | 1 << ALPHA_TESTED
                | 1 << SHADING_BACKS | 1 << DEFORMING_MESHES | 1 << TRANSPARENT_CASTERS | 1 << TEXTURE_FROM_ABOVE
                | 1 << TEXTURELESS_SHAPES | 1 << MIDDLE_FIRST | 1 << PROJECTED | 1 << TRIPLANAR | 1 << TEXTURE_ALPHA
-               | 1 << LIT_NORMALS | 1 << COINCIDENT);
+               | 1 << LIT_NORMALS | 1 << COINCIDENT | 1 << PLANES_FROM_BEHIND);
 }
 
 // Integer type of slots and ranks: a byte for up to 256.

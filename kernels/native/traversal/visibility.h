@@ -326,7 +326,7 @@ template <int TYPES, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HEIG
 WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                               const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == TYPES);
+    static_assert(!names_slots(OUTPUTS) || analytic_types(TYPES) == (TYPES & ~(1 << PLANES_FROM_BEHIND)));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = TraceTarget<TYPES, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once(TYPES, WIDTH, HEIGHT), Target,
                                 Shapes, Near>;

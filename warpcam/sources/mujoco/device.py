@@ -12,6 +12,7 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import Meshes
+from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
@@ -36,8 +37,9 @@ class MujocoWarpSource:
         groups: model.Groups,
         draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
-        transparency: bool | None = None,
+        transparency: Transparency = None,
         geoms: Collection[int] | None = None,
+        planes_from_behind: bool = False,
     ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
@@ -56,7 +58,9 @@ class MujocoWarpSource:
         parts = model.read_description(mjm, d.nworld, groups, geoms)
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
         colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
-        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
+        self.parts = with_layers(
+            self.parts, mjm, extras, reflections, transparency, *colors, planes_from_behind=planes_from_behind
+        )
         self._tables = (
             VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
         )
@@ -122,7 +126,8 @@ def load(
     groups: model.Groups,
     draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
-    transparency: bool | None = None,
+    transparency: Transparency = None,
     geoms: Collection[int] | None = None,
+    planes_from_behind: bool = False,
 ) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms))
+    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms, planes_from_behind))
