@@ -66,10 +66,7 @@ def test_a_plane_from_behind_is_a_plane_that_is_turned(device: wp.Device, size: 
     two = seen(device, KINDS[size], lens, outputs, meshes, turned=True)
     without = seen(device, KINDS[size], lens, outputs, meshes, turned=False)
     wall = one["segmentation"][0] == mujoco.MjModel.geom(world(KINDS[size], False, meshes)[0], "wall").id
-    assert (
-        wall.mean() > 0.05
-        and not (without["segmentation"][0][wall] == one["segmentation"][0][wall]).any()
-    )
+    assert wall.mean() > 0.05 and not (without["segmentation"][0][wall] == one["segmentation"][0][wall]).any()
     for name in outputs:
         np.testing.assert_allclose(one[name], two[name], rtol=1e-4, atol=2e-3, err_msg=name)
 
