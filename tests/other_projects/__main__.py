@@ -1,11 +1,16 @@
 """Run other projects' tests: a failure that is not known, or one that is known and passes, ends with an error."""
 
 import argparse
+import ctypes.util
+import os
 import sys
 from pathlib import Path
 
 from .projects import PROJECTS
 from .run import run
+
+# Before anything imports mujoco, whose own renderer some tests need, as tests/conftest.py has it.
+os.environ.setdefault("MUJOCO_GL", "osmesa" if ctypes.util.find_library("OSMesa") else "disable")
 
 
 def main() -> int:

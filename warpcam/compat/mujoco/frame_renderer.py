@@ -194,8 +194,10 @@ class FrameRenderer:
         """Return the images of ``look``, in which planes are seen from behind in colours alone."""
         veiled = mjv_geoms is not None and mjv_geoms.transparent
         if through and "depth" in outputs and (veiled or has_transparent(self._model, style.groups, style.draw)):
-            both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
-            images = self._look(view, style, width, height, *both, False, mjv_geoms)
+            more, all_drawn = (
+                [*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)
+            )
+            images = self._look(view, style, width, height, more, all_drawn, False, mjv_geoms)
             if veiled or sees_transparent(self._model, images["objects"]):
                 opaque = None if mjv_geoms is None else mjv_geoms.opaque()
                 plain = self._copy(WithoutTransparent)

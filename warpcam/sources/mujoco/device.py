@@ -59,7 +59,7 @@ class MujocoWarpSource:
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
         colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
         self.parts = with_layers(
-            self.parts, mjm, extras, reflections, transparency, *colors, planes_from_behind=planes_from_behind
+            self.parts, mjm, extras, reflections, transparency, *colors, decor=(), planes_from_behind=planes_from_behind
         )
         self._tables = (
             VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
