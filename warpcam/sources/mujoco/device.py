@@ -57,10 +57,10 @@ class MujocoWarpSource:
         self._m, self._d = m, d
         parts = model.read_description(mjm, d.nworld, groups, geoms)
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
-        colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
         self.parts = with_layers(
-            self.parts, mjm, extras, reflections, transparency, *colors, decor=(), planes_from_behind=planes_from_behind
-        )
+            self.parts, mjm, extras, reflections, transparency, m.geom_rgba.numpy(), m.geom_matid.numpy(),
+            m.mat_rgba.numpy(), planes_from_behind=planes_from_behind,
+        )  # fmt: skip
         self._tables = (
             VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
         )
