@@ -42,6 +42,8 @@ class SceneFlag(IntFlag):
     # normals of meshes are written as light takes them, as Newton's camera does: native/geometry/surface_interaction.h
     LIT_NORMALS = 1 << 13
     COINCIDENT = 1 << 14  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
+    # outputs that are not lit see planes from behind, too: native/camera/shape_setup.h
+    PLANES_FROM_BEHIND = 1 << 15
 
 
 NO_SCENE_FLAGS = SceneFlag(0)

@@ -5,7 +5,7 @@ from typing import Any
 
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.scene.file_scene import DrivenScene
-from warpcam.scene.layers import check_tristate
+from warpcam.scene.layers import check_planes
 from warpcam.scene.light import Light
 from warpcam.scene.scene import Scene
 from warpcam.sources.common.optional import import_source
@@ -21,6 +21,7 @@ def from_mujoco_warp(
     draw: Collection[str] = ("geoms", "sites", "tendons", "flexes", "skins", "actuators"),
     reflections: bool | None = None,
     transparency: bool | None = None,
+    planes_from_behind: bool = False,
 ) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
@@ -43,9 +44,13 @@ def from_mujoco_warp(
         transparency: Whether what is drawn is seen through where its colour is partly transparent. None: what is so
             now, and if there is such planes seen from behind. True: all, whatever colour is written later. False: all
             is drawn solid.
+        planes_from_behind: Whether depth, ids and all else that is not lit see planes from behind as they see them
+            from their front, and colours see them as transparent, as ``mujoco.Renderer`` does. False: planes are seen
+            from their front alone, as MuJoCo-Warp's renderer does.
     """
+    seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.device").load(
-        mjm, m, d, groups, draw, reflections, check_tristate("transparency", transparency)
+        mjm, m, d, groups, draw, reflections, seen_through, planes_from_behind=bool(planes_from_behind)
     )
     return scene
 
@@ -60,6 +65,7 @@ def from_mujoco(
     device: Any = None,
     reflections: bool | None = None,
     transparency: bool | None = None,
+    planes_from_behind: bool = False,
 ) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
@@ -73,9 +79,11 @@ def from_mujoco(
         device: Where to render: a name, a Warp or torch device, a CUDA ordinal; None is Warp's current device.
         reflections: As ``from_mujoco_warp`` has it.
         transparency: As ``from_mujoco_warp`` has it.
+        planes_from_behind: As ``from_mujoco_warp`` has it.
     """
+    seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.host").load(
-        mjm, mjd, groups, device, draw, reflections, check_tristate("transparency", transparency)
+        mjm, mjd, groups, device, draw, reflections, seen_through, planes_from_behind=bool(planes_from_behind)
     )
     return scene
 

@@ -67,7 +67,7 @@ class SceneTypes:
         return f"warpcam::SceneTypes<{int(self.geometry)}, {int(self.scene)}>"
 
 
-def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = False) -> SceneTypes:
+def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = False, lit: bool = True) -> SceneTypes:
     """Return the shapes and features that a kernel is compiled for.
 
     CUDA kernels have just the types of the scene, as further ones cost registers. CPU kernels have sets of types.
@@ -76,6 +76,7 @@ def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = Fa
         tables: The scene.
         device: Device of the kernel.
         appearance: Whether the kernel shades, and needs the features of textures and normals.
+        lit: Whether the kernel's images are lit, and do not show planes from behind as solid.
     """
     geometry = geometry_of(tables.shape_types)
     if not device.is_cuda:
@@ -84,7 +85,8 @@ def scene_types(tables: SceneTables, device: wp.Device, *, appearance: bool = Fa
             geometry |= analytic | others
         elif geometry & analytic:
             geometry |= analytic
-    return SceneTypes(geometry, tables.flags if appearance else tables.flags & ~APPEARANCE_FLAGS)
+    flags = tables.flags & ~SceneFlag.PLANES_FROM_BEHIND if lit else tables.flags
+    return SceneTypes(geometry, flags if appearance else flags & ~APPEARANCE_FLAGS)
 
 
 def is_analytic(shape_types: Set[int]) -> bool:

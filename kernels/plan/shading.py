@@ -127,9 +127,9 @@ def plan_shading(
     for name in outputs:
         images |= IMAGES[name]
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
-    types = launches.in_order(
-        launches.scene_types(tables, device, appearance=True), len(group.worlds) * threads, device
-    )
+    lit = not set(LIT).isdisjoint(outputs)
+    types = launches.scene_types(tables, device, appearance=True, lit=lit)
+    types = launches.in_order(types, len(group.worlds) * threads, device)
     key = ShadingKey(types, LENSES[lens], capacity, region, images, facts, transparent)
     return PlannedLaunch(key, threads)
 

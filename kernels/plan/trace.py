@@ -153,7 +153,7 @@ def plan_trace(
         outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
     parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
     threads = launches.world_threads(parts, device)
-    types = launches.scene_types(tables, device, appearance=painted)
+    types = launches.scene_types(tables, device, appearance=painted, lit=opaque)
     types = launches.in_order(types, len(group.worlds) * threads, device)
     several = tables.num_drawn > capacity
     known = facts if painted else NO_FACTS
@@ -177,7 +177,7 @@ def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bo
     wanted = flag_if(TraceFlag.NORMAL, "normals" in outputs)
     if flow:
         wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in outputs)
-    types = launches.scene_types(tables, device)
+    types = launches.scene_types(tables, device, lit=False)
     return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn, device), wanted)
 
 

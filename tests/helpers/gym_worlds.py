@@ -58,8 +58,13 @@ def tensors_of(sim: gymapi.Sim, env: gymapi.Env, camera: int, kinds: Any = KINDS
     return {kind: gymtorch.wrap_tensor(GYM.get_camera_image_gpu_tensor(sim, env, camera, kind)) for kind in kinds}
 
 
-def walls(device: wp.Device, count: int = 3, *, fixed: bool = True, spacing: float = 1.0, **changes: Any) -> World:
-    """In front of the camera, which looks along x, a wall whose face is 2 m away, by 0.1 m more in each environment."""
+def walls(
+    device: wp.Device, count: int = 3, *, fixed: bool = True, spacing: float = 1.0, tensors: bool = True, **changes: Any
+) -> World:
+    """In front of the camera, which looks along x, a wall whose face is 2 m away, by 0.1 m more in each environment.
+
+    ``tensors`` are requested before the first render.
+    """
     world = World(new_sim(device))
     wall = GYM.create_box(world.sim, 1.0, 10.0, 10.0, gymapi.AssetOptions(fix_base_link=fixed, disable_gravity=True))
     for index in range(count):
@@ -69,7 +74,7 @@ def walls(device: wp.Device, count: int = 3, *, fixed: bool = True, spacing: flo
         camera = GYM.create_camera_sensor(env, props(**changes))
         GYM.set_camera_location(camera, env, gymapi.Vec3(0, 0, 0), gymapi.Vec3(1, 0, 0))
         world.cameras.append(camera)
-        if changes.get("enable_tensors", True):
+        if tensors and changes.get("enable_tensors", True):
             world.tensors.append(tensors_of(world.sim, env, camera))
     GYM.prepare_sim(world.sim)
     return world

@@ -70,7 +70,9 @@ def _chooses(frame: Any) -> bool:
     return name.startswith("warpcam.kernels.") and not runs
 
 
-def _render(mjm: Any, outputs: tuple[str, ...], size: tuple[int, int] = (64, 64), **options: Any) -> None:
+def _render(
+    mjm: Any, outputs: tuple[str, ...], size: tuple[int, int] = (64, 64), backs: bool = False, **options: Any
+) -> None:
     position = (0.0, -2.0, 0.6)
     camera = scenes.own_camera(
         width=size[0],
@@ -80,7 +82,7 @@ def _render(mjm: Any, outputs: tuple[str, ...], size: tuple[int, int] = (64, 64)
         rotation=scenes.looking(position, (0.0, 0.0, 0.0)),
         **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
     )
-    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10)), [camera])
+    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs), [camera])
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -115,6 +117,20 @@ def test_textures_that_lie_from_above(
     code = " ".join(path.read_text() for path in tmp_path.glob("*visibility*/*.cu"))
     types = re.findall(r"draw_painted<warpcam::SceneTypes<\d+, (\d+)>", code)
     assert types and all(int(each) & SceneFlag.TEXTURE_FROM_ABOVE for each in types)
+
+
+@pytest.mark.parametrize(
+    ("outputs", "mesh"),
+    [(("depth", "segmentation", "normals"), False), (("depth", "albedo"), False), (("rgb", "depth", "normals"), True)],
+)
+def test_of_planes_from_behind(outputs: tuple[str, ...], mesh: bool, card: list[launch.Stage], tmp_path: Path) -> None:
+    """Kernels of what is not lit are told, those of colours are not."""
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/>' if mesh else ""
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, backs=True)
+    assert _compile(card, tmp_path) >= 2
+    traces = [path.read_text() for path in tmp_path.glob("*visibility*/*.cu")]
+    told = [int(re.findall(r"draw\w*<(\d+)", code)[0]) & SceneFlag.PLANES_FROM_BEHIND != 0 for code in traces]
+    assert sorted(told) == ([False, True] if "rgb" in outputs else [True])
 
 
 @pytest.mark.parametrize("output", ["normals", "points"])

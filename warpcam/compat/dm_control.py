@@ -13,7 +13,8 @@ import numpy as np
 from dm_control.mujoco import engine
 
 from warpcam.compat.mujoco import mjv_scene
-from warpcam.compat.mujoco.frame_renderer import FrameRenderer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer
+from warpcam.compat.mujoco.gl_camera import view_of
 from warpcam.compat.mujoco.options import style_of
 from warpcam.compat.mujoco.upload_calls import UPLOADS
 from warpcam.compat.mujoco.user_geoms import UserGeoms

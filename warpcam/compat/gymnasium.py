@@ -12,7 +12,8 @@ import numpy as np
 from gymnasium.envs.mujoco import mujoco_rendering
 
 from warpcam.compat.mujoco import upload_calls
-from warpcam.compat.mujoco.frame_renderer import FrameRenderer, depth_buffer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer
+from warpcam.compat.mujoco.gl_camera import depth_buffer, view_of
 from warpcam.compat.mujoco.options import style_of
 from warpcam.compat.mujoco.user_geoms import UserGeoms
 from warpcam.core import device as device_rule
@@ -77,8 +78,9 @@ class OffScreenViewer:
         self.cam.lookat[:] = np.median(data.geom_xpos, axis=0) if model.ngeom else 0.0
         self.cam.distance = model.stat.extent
         self._markers: list[dict[str, Any]] = []
-        self._frame_renderer: FrameRenderer | None = FrameRenderer(model, _chosen[0])
-        self.con: upload_calls.Context | None = upload_calls.Context(self._frame_renderer.reload)
+        self._device = _chosen[0]
+        self._frame_renderer: FrameRenderer | None = FrameRenderer(model, self._device)
+        self.con = upload_calls.Context(self._reload)
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False
@@ -93,8 +95,8 @@ class OffScreenViewer:
         """
         if render_mode not in MODES:
             raise WarpcamError(f"render_mode is {render_mode!r}; allowed are {', '.join(MODES)}")
-        if self._frame_renderer is None:
-            raise RuntimeError("render cannot be called after close.")
+        if self._frame_renderer is None:  # freed, as an environment is that was closed, which can still be rendered
+            self._frame_renderer = FrameRenderer(self.model, self._device)
         model, everything = self.model, int(mujoco.mjtCatBit.mjCAT_ALL)
         if camera_id is not None:
             if not -1 <= camera_id < model.ncam:
@@ -149,8 +151,15 @@ class OffScreenViewer:
         """Nothing has to be made current here."""
 
     def free(self) -> None:
-        """Let go of all memory."""
-        self._frame_renderer = self.con = None
+        """Let go of all memory. A later picture takes some again."""
+        self._frame_renderer = None
 
     def close(self) -> None:
         self.free()
+
+    def __del__(self) -> None:  # programs call it
+        self.free()
+
+    def _reload(self) -> None:
+        if self._frame_renderer is not None:
+            self._frame_renderer.reload()

@@ -22,7 +22,7 @@ from mjlab.sim.sim_data import WarpBridge
 import warpcam as wc
 from warpcam.compat.common import packing
 from warpcam.compat.mujoco_warp.arguments import read_groups
-from warpcam.compat.mujoco_warp.context import CameraSettings, load_groups
+from warpcam.compat.mujoco_warp.context import CameraSettings, farthest_of, load_groups
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.outputs import OUTPUTS
@@ -185,7 +185,7 @@ class _Cameras:
         return look, scene
 
     def _frame(self, scene: wc.Scene, sensors: list[CameraSensor]) -> tuple[wc.Renderer, list[Stage]]:
-        far = float(self._mjm.vis.map.zfar * self._mjm.stat.extent)
+        far = farthest_of(self._mjm)
         cameras, stages = [], []
         for sensor in sensors:
             cfg = sensor.cfg
@@ -195,7 +195,7 @@ class _Cameras:
                     width=cfg.width,
                     height=cfg.height,
                     outputs=tuple(dict.fromkeys(cfg.data_types)),
-                    far=far if far > 0.0 else None,
+                    far=far,
                     depth_clipping="zero",
                     shadows=cfg.use_shadows,
                     antialiasing=cfg.antialiasing,

@@ -75,6 +75,21 @@ def check_tristate(name: str, wanted: Any) -> bool | None:
     return None if wanted is None else bool(wanted)
 
 
+def check_planes(transparency: Any, planes_from_behind: Any) -> Transparency:
+    """Check both arguments, and return which shapes are transparent."""
+    wanted = check_tristate("transparency", transparency)
+    if not isinstance(planes_from_behind, bool | np.bool_):
+        raise WarpcamError(f"planes_from_behind must be True or False, got {planes_from_behind!r}")
+    if not planes_from_behind or wanted:
+        return wanted
+    if wanted is False:
+        raise WarpcamError(
+            "planes_from_behind is True and transparency False; colours show planes from behind as transparent: "
+            "allowed are transparency None and True"
+        )
+    return "backs"
+
+
 def find_mirrors(
     types: np.ndarray, drawn: Sequence[int], materials: np.ndarray, reflectance: np.ndarray, wanted: bool | None
 ) -> list[int]:

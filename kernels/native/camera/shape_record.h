@@ -23,7 +23,8 @@ enum SceneFeature {
     TRIPLANAR,
     TEXTURE_ALPHA,
     LIT_NORMALS,
-    COINCIDENT
+    COINCIDENT,
+    PLANES_FROM_BEHIND
 };
 
 // Shape types and features that a kernel is compiled for.

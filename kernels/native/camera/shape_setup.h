@@ -282,13 +282,23 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
     const Vec3 scale = form.scale;
     const Vec3 away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
                       camera.origin.z - shape.position.z };
-    const Vec3 o = transform_transposed(shape.rotation, away);
+    Vec3 o = transform_transposed(shape.rotation, away);
     Mat3 m;  // camera to shape
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             m.at[i][j] = shape.rotation.at[0][i] * camera.rotation.at[0][j]
                          + shape.rotation.at[1][i] * camera.rotation.at[1][j]
                          + shape.rotation.at[2][i] * camera.rotation.at[2][j];
+    if constexpr (Types::has(PLANES_FROM_BEHIND)) {
+        // turned about its x axis, such a plane faces the camera
+        if (shape.type == PLANE && (LENS == ORTHOGRAPHIC ? m.at[2][2] : o.z) < 0.0f) {
+            o = { o.x, -o.y, -o.z };
+            for (int j = 0; j < 3; ++j) {
+                m.at[1][j] = -m.at[1][j];
+                m.at[2][j] = -m.at[2][j];
+            }
+        }
+    }
 
     const int across = (region.width - 1) / TILE_WIDTH, down = (region.height - 1) / TILE_HEIGHT;
     tiles = { 0, 0, static_cast<signed char>(across), static_cast<signed char>(down) };

@@ -247,6 +247,8 @@ WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& mesh
     const Vec3 size = as_vec3(pose.size);
     const Vector local = surface.local, sizes = broadcast<Vector>(size);
     surface.normal = broadcast<Vector>({ 0.0f, 0.0f, 1.0f });
+    if constexpr (Types::has(PLANES_FROM_BEHIND))
+        surface.normal.z = -sign(ray.z);  // of a plane; of all else it is written below
     surface.part = 0;
     if (Types::has(SPHERE) && type == SPHERE)
         surface.normal = normalized(local);

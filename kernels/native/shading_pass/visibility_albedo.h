@@ -316,8 +316,8 @@ WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& material
                                  const HeightFields& fields, const Views& views, const Target& target, int index)
 {
     using Room = Painter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
-    draw_with<SceneTypes<Types::ANALYTIC, 0>, PINHOLE, CAPACITY, false, WIDTH, HEIGHT, OUTPUTS, Room>(
-        shapes, materials, meshes, fields, views, target, index);
+    draw_with<SceneTypes<Types::ANALYTIC, Types::FEATURES & 1 << PLANES_FROM_BEHIND>, PINHOLE, CAPACITY, false, WIDTH,
+              HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields, views, target, index);
 }
 
 }  // namespace warpcam

@@ -326,7 +326,8 @@ template <class Types, int LENS, int CAPACITY, bool MULTIPASS, int WIDTH, int HE
 WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                               const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    static_assert(!names_slots(OUTPUTS) || (Types::ANALYTIC == Types::GEOMETRY && Types::FEATURES == 0));
+    static_assert(!names_slots(OUTPUTS)
+                  || (Types::ANALYTIC == Types::GEOMETRY && (Types::FEATURES & ~(1 << PLANES_FROM_BEHIND)) == 0));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
     using Canvas_ = TraceTarget<Types, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once<Types>(WIDTH, HEIGHT), Target,
                                 Shapes, Near>;

@@ -38,6 +38,21 @@ def test_tensors_have_shapes_dtypes_and_one_address(device: wp.Device) -> None:
     assert stacked.shape == (3, HEIGHT, WIDTH)
 
 
+def test_a_tensor_that_is_requested_after_a_render_holds_that_frame(device: wp.Device) -> None:
+    """Some programs request tensors between the render and their first reading."""
+    world, late = walls(device), walls(device, tensors=False)
+    for frame in range(2):
+        world.render()
+        late.render()
+        for env, camera, tensors in zip(late.envs, late.cameras, world.tensors, strict=True):
+            again = tensors_of(late.sim, env, camera)
+            for kind in KINDS:
+                assert torch.equal(again[kind], tensors[kind]) and (kind != DEPTH or again[kind].max() < 0.0), frame
+    flow = tensors_of(late.sim, late.envs[0], late.cameras[0], (gymapi.IMAGE_OPTICAL_FLOW,))
+    assert not flow[gymapi.IMAGE_OPTICAL_FLOW].any()
+    assert len(late.sim.camera_batches._renderers) == 1  # what drew them at first is let go at the next render
+
+
 def test_depth_is_negative_and_planar_in_each_environment(device: wp.Device) -> None:
     world = walls(device)
     world.render()

@@ -149,7 +149,7 @@ def test_a_floor_is_seen_through_from_below(device: wp.Device, monkeypatch: pyte
         renderer.update_scene(data, camera)
         expected = theirs.render()
         assert psnr(expected, renderer.render()) > 30.0
-        monkeypatch.setattr(frame_renderer.FrameRenderer, "_sees_backs", lambda *_: False)
+        monkeypatch.setattr(frame_renderer.FrameRenderer, "_planes_from_behind", lambda *_: np.zeros(0, np.int64))
         assert psnr(expected, renderer.render()) < 25.0
         monkeypatch.undo()
         renderer.update_scene(data, "fixed")
@@ -346,6 +346,17 @@ def test_closed(device: wp.Device) -> None:
     with pytest.raises(RuntimeError, match="render cannot be called after close"):
         renderer.render()
     renderer.update_scene(data)
+
+
+def test_what_programs_call_to_have_a_renderer_let_go(device: wp.Device) -> None:
+    model, _ = made()
+    renderer = ours(model, device)
+    for context in (renderer._gl_context, renderer._mjr_context):
+        context.__del__()
+    renderer.__del__()
+    renderer.close()
+    with pytest.raises(RuntimeError, match="render cannot be called after close"):
+        renderer.render()
 
 
 def test_larger_than_the_framebuffer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -259,3 +259,50 @@ def test_groups_beyond_are_the_first_and_the_last(device: wp.Device) -> None:
     scene = wc.from_mujoco(mjm, mjd, groups=(5,), device=device)
     camera = wc.Camera(0, width=SIZE, height=SIZE, outputs=("segmentation",))
     assert set(np.unique(wc.Renderer(scene, [camera]).render()[0]["segmentation"].cpu().numpy())) == {-1, 3}
+
+
+TETRAHEDRON = """
+<mujoco>
+  <asset>
+    <texture name="checks" type="2d" builtin="checker" rgb1="1 0 0" rgb2="0 1 0" width="16" height="16"/>
+    <material name="m" texture="checks"/>
+    <mesh name="other" vertex="1 1 1  1 -1 -1  -1 1 -1  -1 -1 1" texcoord=".7 .7 .7 .7 .7 .7 .7 .7"/>
+    <mesh name="tetrahedron" vertex="1 1 1  1 -1 -1  -1 1 -1  -1 -1 1" texcoord=".1 .1 .1 .1 .1 .1 .7 .7"/>
+  </asset>
+  <worldbody>
+    <camera pos="0 -4 0" xyaxes="1 0 0 0 0 1"/><geom type="mesh" mesh="tetrahedron" material="m"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def seen_with(device: wp.Device, of: slice, corner: int, index: int, start: int | None = None) -> np.ndarray:
+    """An image of a mesh, some of whose faces have another index of a corner's coordinate, as uint8."""
+    mjm = mujoco.MjModel.from_xml_string(TETRAHEDRON)
+    mesh = mjm.mesh("tetrahedron")
+    first = int(mesh.faceadr[0])
+    mjm.mesh_facetexcoord[first : first + 4][of, corner] = index
+    if start is not None:
+        mjm.mesh_texcoordadr[mesh.id] = start
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    with wp.ScopedDevice(device):
+        renderer = wc.Renderer(wc.from_mujoco(mjm, mjd), [wc.Camera(0, width=64, height=64, outputs=("albedo",))])
+        return renderer.render()[0]["albedo"][0].cpu().numpy()
+
+
+@pytest.mark.parametrize("corner", [0, 2])
+def test_faces_without_texture_coordinates_are_projected_on(device: wp.Device, corner: int) -> None:
+    """Faces of OBJ files may leave out some; MuJoCo-Warp projects on them, and so on all of a mesh that has none."""
+    projected, given = seen_with(device, slice(4), 0, 0, start=-1), seen_with(device, slice(0), 0, 0)
+    assert (seen_with(device, slice(4), corner, -1) == projected).all() and (projected != given).any()
+    single = [seen_with(device, slice(face, face + 1), corner, -1) for face in range(4)]
+    for image in single:
+        assert ((image == projected) | (image == given)).all(axis=-1).mean() > 0.99 and (image != projected).any()
+    assert any((image != given).any() for image in single)
+
+
+@pytest.mark.parametrize("index", [-2, 4])
+def test_indices_beyond_the_coordinates_are_told(device: wp.Device, index: int) -> None:
+    with pytest.raises(wc.WarpcamError, match=r"mesh_facetexcoord must be indices from -1 to 3, got .* at face 1"):
+        seen_with(device, slice(1, 2), 0, index)

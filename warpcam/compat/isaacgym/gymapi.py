@@ -36,9 +36,9 @@ from warpcam.compat.isaacgym.api.enums import (
     TensorDataType,
     UpAxis,
 )
+from warpcam.compat.isaacgym.api.env_lists import EnvListCalls
 from warpcam.compat.isaacgym.api.forces import ForceCalls
-from warpcam.compat.isaacgym.api.joints import JointCalls
-from warpcam.compat.isaacgym.api.math_types import DofFrame, Mat33, Quat, Transform, Vec3, Velocity
+from warpcam.compat.isaacgym.api.math_types import DofFrame, Mat33, Mat44, Quat, Transform, Vec2, Vec3, Velocity
 from warpcam.compat.isaacgym.api.params import (
     AssetOptions,
     CameraProperties,
@@ -48,6 +48,7 @@ from warpcam.compat.isaacgym.api.params import (
     PlaneParams,
     SimParams,
     TriangleMeshParams,
+    Version,
     VhacdParams,
 )
 from warpcam.compat.isaacgym.api.properties import PropertyCalls
@@ -162,6 +163,7 @@ __all__ = [
     "IndexRange",
     "JointType",
     "Mat33",
+    "Mat44",
     "MeshNormalMode",
     "MeshType",
     "PhysXParams",
@@ -180,14 +182,16 @@ __all__ = [
     "Transform",
     "TriangleMeshParams",
     "UpAxis",
+    "Vec2",
     "Vec3",
     "Velocity",
+    "Version",
     "VhacdParams",
     "acquire_gym",
 ]  # fmt: skip
 
 
-class Gym(SimCalls, JointCalls, PropertyCalls, ForceCalls, AppearanceCalls, CameraCalls, UnsupportedCalls):
+class Gym(SimCalls, EnvListCalls, PropertyCalls, ForceCalls, AppearanceCalls, CameraCalls, UnsupportedCalls):
     """All calls. Those of Isaac Gym that are not here say so when they are called."""
 
 

@@ -1,7 +1,8 @@
 """One world of classic MuJoCo, looked at from anywhere and in many ways: what its front ends have in common."""
 
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
+from warpcam.compat.mujoco.gl_camera import GlCamera
 from warpcam.compat.mujoco.model_variants import (
     ModelVariant,
     WithModelTransparency,
@@ -17,6 +19,7 @@ from warpcam.compat.mujoco.model_variants import (
     has_transparent,
     sees_transparent,
 )
+from warpcam.compat.mujoco.sky_depth import sky_depth
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
 from warpcam.sources.mujoco.host import load
@@ -66,67 +69,6 @@ class Style:
     sky: bool = True
     antialiasing: int = 4
     model_transparency: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class GlCamera:
-    """A camera as OpenGL has it.
-
-    Attributes:
-        position: (3,) [m].
-        rotation: (4,) w x y z.
-        left: Of the image's edges, where the optical axis crosses the near plane [m]; and so on.
-        right: See ``left``.
-        bottom: See ``left``.
-        top: See ``left``.
-        near: Distance of the near plane [m].
-        far: Of the far plane [m].
-        orthographic: Whether rays are parallel.
-    """
-
-    position: np.ndarray
-    rotation: np.ndarray
-    left: float
-    right: float
-    bottom: float
-    top: float
-    near: float
-    far: float
-    orthographic: bool
-
-    def content(self) -> bytes:
-        """Equal for equal views."""
-        edges = (self.left, self.right, self.bottom, self.top, self.near, self.far, self.orthographic)
-        return np.concatenate((self.position, self.rotation, edges)).tobytes()
-
-
-def view_of(scene: mujoco.MjvScene, width: int, height: int) -> GlCamera | None:
-    """Return the view of a MuJoCo scene's camera in an image of that size; None if none was set."""
-    if min(width, height) < 1:
-        raise WarpcamError(f"render: width and height must be at least 1 pixel, got {width} and {height}")
-    one, two = scene.camera  # two eyes for a stereo picture; one that is none is taken from between them
-    bottom, top = 0.5 * (one.frustum_bottom + two.frustum_bottom), 0.5 * (one.frustum_top + two.frustum_top)
-    if top <= bottom:
-        return None
-    position, forward, up, right, rotation = (np.zeros(size) for size in (3, 3, 3, 3, 4))
-    mujoco.mjv_cameraInRoom(position, forward, up, scene)
-    mujoco.mju_cross(right, forward, up)
-    mujoco.mju_mat2Quat(rotation, np.array((right, up, -forward)).T.ravel())
-    center = 0.5 * (one.frustum_center + two.frustum_center)
-    half = 0.5 * (one.frustum_width + two.frustum_width) or 0.5 * (top - bottom) * width / height
-    return GlCamera(
-        position=position, rotation=rotation, left=center - half, right=center + half,
-        bottom=bottom, top=top, near=float(one.frustum_near), far=float(one.frustum_far),
-        orthographic=bool(one.orthographic),
-    )  # fmt: skip
-
-
-def depth_buffer(depth: np.ndarray, view: GlCamera) -> np.ndarray:
-    """Convert planar depth [m] to OpenGL's depth buffer, float32: 0 at the near plane, 1 at the far one."""
-    if view.orthographic:
-        return ((depth - view.near) / (view.far - view.near)).astype(np.float32)
-    inverse = view.near / depth.astype(np.float64)
-    return np.ascontiguousarray((1.0 - inverse) / (1.0 - view.near / view.far), np.float32)
 
 
 class FrameRenderer:
@@ -214,29 +156,66 @@ class FrameRenderer:
 
         ``depth`` is ``view.far`` where nothing is hit. ``objects`` is an output here, too: int32 id and ``mjtObj``,
         -1 twice where nothing is hit. With ``drawn`` these outputs are drawn and only ``outputs`` of them read: then
-        the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, as MuJoCo's
-        buffer of depth has it where it draws colours. ``mjv_geoms`` stands beside the model.
+        the same kernels serve whatever is asked. With ``through`` depth is of what is not transparent, and of the
+        skybox, as MuJoCo's buffer of depth has it where it draws colours. ``mjv_geoms`` stands beside the model.
         """
         if style.model_transparency:
             plain, thinned = replace(style, model_transparency=False), self._copy(WithModelTransparency)
             return thinned.look(view, plain, width, height, outputs, drawn, through=through, mjv_geoms=mjv_geoms)
+        solid = [name for name in outputs if name == "objects" or (name == "depth" and not through)]
+        planes = self._planes_from_behind(view, style)
+        turned = None if mjv_geoms is None else mjv_geoms.facing(view.position)
+        if not solid or (not planes.size and turned is mjv_geoms):
+            return self._look(view, style, width, height, outputs, drawn, through, mjv_geoms)
+        with self._turned(planes):
+            images = self._look(view, style, width, height, solid, drawn, False, turned)
+        rest = [name for name in outputs if name not in solid]
+        if rest:
+            images |= self._look(view, style, width, height, rest, drawn, through, mjv_geoms)
+        return images
+
+    def _with_sky(self, depth: np.ndarray, view: GlCamera, style: Style) -> np.ndarray:
+        """Return depth (height, width, 1) with the skybox before all that lies beyond it."""
+        height, width = depth.shape[:2]
+        sky = sky_depth(self._model, self._state, view, style.groups[0], width, height) if style.sky else None
+        return depth if sky is None else np.minimum(depth, sky[..., None])
+
+    def _look(
+        self,
+        view: GlCamera,
+        style: Style,
+        width: int,
+        height: int,
+        outputs: Sequence[str],
+        drawn: Sequence[str],
+        through: bool,
+        mjv_geoms: MjvGeoms | None,
+    ) -> dict[str, np.ndarray]:
+        """Return the images of ``look``, in which planes are seen from behind in colours alone."""
         veiled = mjv_geoms is not None and mjv_geoms.transparent
         if through and "depth" in outputs and (veiled or has_transparent(self._model, style.groups, style.draw)):
-            both = [[*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)]
-            images = self.look(view, style, width, height, *both, mjv_geoms=mjv_geoms)
+            more, all_drawn = (
+                [*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)
+            )
+            images = self._look(view, style, width, height, more, all_drawn, False, mjv_geoms)
             if veiled or sees_transparent(self._model, images["objects"]):
                 opaque = None if mjv_geoms is None else mjv_geoms.opaque()
-                solid = self._copy(WithoutTransparent).look(view, style, width, height, ("depth",), mjv_geoms=opaque)
-                images["depth"] = solid["depth"]
+                plain = self._copy(WithoutTransparent)
+                images["depth"] = plain.look(view, style, width, height, ("depth",), mjv_geoms=opaque)["depth"]
+            images["depth"] = self._with_sky(images["depth"], view, style)
             return {name: images[name] for name in outputs}
         names, wanted = _outputs(drawn or outputs), _outputs(outputs)
-        scene = self.scene(style, "rgb" in wanted and self._sees_backs(view, style), mjv_geoms)
+        backs = "rgb" in wanted and self._planes_from_behind(view, style).size > 0
+        backs = backs and not has_transparent(self._model, style.groups, style.draw)  # such a scene shows them anyway
+        scene = self.scene(style, backs, mjv_geoms)
         key = (id(scene), names, width, height, view.orthographic, style.shadows, style.sky, style.antialiasing)
         if key not in self._eyes or self._eyes[key].scene is not scene:
             self._eyes[key] = _CameraRenderer(scene, style, view, width, height, names)
             _shorten(self._eyes)
         self._eyes.move_to_end(key)
         images = self._eyes[key].see(view, wanted)
+        if through and "depth" in images:
+            images["depth"] = self._with_sky(images["depth"], view, style)
         if "objects" in outputs:
             ids = images.pop("segmentation")[..., 0]
             images["objects"] = scene.objects[ids] if mjv_geoms is None else self._objects(scene, ids, mjv_geoms)
@@ -253,18 +232,26 @@ class FrameRenderer:
             table[first:-1] = made.places.objects
         return table[ids]
 
-    def _sees_backs(self, view: GlCamera, style: Style) -> bool:
-        """Return whether a plane has its back to the camera, and a scene would not show it unless told to."""
+    def _planes_from_behind(self, view: GlCamera, style: Style) -> np.ndarray:
+        """Return the ids of drawn planes that have their backs to the camera."""
         model, state = self._model, self._state
         if "geoms" not in style.draw:
-            return False
+            return np.zeros(0, np.int64)
         planes = np.flatnonzero(model.geom_type == PLANE)
-        up = state.geom_xmat[planes, 2::3]
-        behind = ((view.position - state.geom_xpos[planes]) * up).sum(axis=1) < 0.0
-        if not behind.any():
-            return False
+        behind = ((view.position - state.geom_xpos[planes]) * state.geom_xmat[planes, 2::3]).sum(axis=1) < 0.0
         seen = np.isin(model.geom_group[planes], style.groups[0]) & (model.geom_rgba[planes, 3] > 0.0)
-        return bool((behind & seen).any()) and not has_transparent(model, style.groups, style.draw)
+        return planes[behind & seen]
+
+    @contextmanager
+    def _turned(self, planes: np.ndarray) -> Iterator[None]:
+        """Have planes face the other way within this context."""
+        poses = self._state.geom_xmat
+        before = poses[planes].copy()
+        poses[planes] *= np.array((1.0, -1.0, -1.0) * 3)
+        try:
+            yield
+        finally:
+            poses[planes] = before
 
     def _copy(self, kind: type[ModelVariant]) -> "FrameRenderer":
         """Return the same state in a copy of the model."""
@@ -329,7 +316,7 @@ class _CameraRenderer:
         lens: wc.Lens = wc.Orthographic(height=1.0) if view.orthographic else wc.Pinhole(fx=1.0)
         camera = wc.Camera(
             VIEW, width=width, height=height, outputs=outputs, lens=lens, position=view.position,
-            rotation=view.rotation, near=view.near, far=view.far, depth_clipping="max", shadows=style.shadows,
+            rotation=view.rotation, near=view.near, far=view.reach, depth_clipping="max", shadows=style.shadows,
             antialiasing=style.antialiasing, background=None if style.sky else (0.0, 0.0, 0.0),
         )  # fmt: skip
         self._renderer = wc.Renderer(scene, [camera])
@@ -340,7 +327,8 @@ class _CameraRenderer:
 
     def see(self, view: GlCamera, wanted: Sequence[str]) -> dict[str, np.ndarray]:
         values: dict[str, Any] = {"position": view.position.tolist(), "rotation": view.rotation.tolist()}
-        values.update(near=view.near, far=view.far)
+        reach = view.reach
+        values.update(near=view.near, far=reach)
         across, down = view.right - view.left, view.top - view.bottom
         if view.orthographic:
             values["height"] = down
@@ -353,7 +341,11 @@ class _CameraRenderer:
                 self._written[name] = value
         images = self._renderer.render()[VIEW]
         on_host = {name: images[name][0].cpu().numpy() for name in wanted}
-        return on_host if self.scene.device.is_cuda else {name: image.copy() for name, image in on_host.items()}
+        if not self.scene.device.is_cuda:
+            on_host = {name: image.copy() for name, image in on_host.items()}
+        if "depth" in on_host:
+            on_host["depth"][on_host["depth"] >= np.float32(reach)] = view.far
+        return on_host
 
 
 def _outputs(names: Sequence[str]) -> tuple[str, ...]:

@@ -11,7 +11,8 @@ import mujoco
 import numpy as np
 
 from warpcam.compat.mujoco import mjv_scene, upload_calls
-from warpcam.compat.mujoco.frame_renderer import FrameRenderer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer
+from warpcam.compat.mujoco.gl_camera import view_of
 from warpcam.compat.mujoco.model_snapshot import Snapshot
 from warpcam.compat.mujoco.options import style_of
 from warpcam.compat.mujoco.user_geoms import UserGeoms, drawn_alone
@@ -214,6 +215,9 @@ class Renderer:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:  # programs call it
         self.close()
 
     def _picture(self, frame_renderer: FrameRenderer) -> np.ndarray:

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from warpcam.compat.mujoco.frame_renderer import GlCamera
+from warpcam.compat.mujoco.gl_camera import GlCamera
 
 GROWTH = 1.1  # how much farther the end of a piece is at most than its start
 MOST_PIECES = 64

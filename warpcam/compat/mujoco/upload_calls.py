@@ -22,6 +22,9 @@ class Context:
 
     def free(self) -> None: ...
 
+    def __del__(self) -> None:  # programs call it
+        self.free()
+
 
 def serve(front: str) -> None:
     """Have MuJoCo's calls take a ``Context``, too, as long as that front end is installed."""

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 
 from warpcam.compat.mujoco import mjv_scene
-from warpcam.compat.mujoco.frame_renderer import GlCamera, Style
+from warpcam.compat.mujoco.frame_renderer import Style
+from warpcam.compat.mujoco.gl_camera import GlCamera
 from warpcam.compat.mujoco.screen_lines import line_pieces
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE

@@ -37,7 +37,7 @@ class RenderContext:
         seg_data: vec2i (world, pixel), id and ``mjtObj``, (-1, -1) where nothing is hit.
         seg_adr: int32 (camera,).
         znear: Of the model [m]. Nothing is cut off before it.
-        zfar: Of the model [m]; nothing beyond it is seen.
+        zfar: Of the model [m]; what lies there is seen, and nothing beyond it.
         total_rays: Pixels of all cameras.
         views: The cameras on the host.
         starts: ``rgb_adr`` and so on, on the host: by "rgb", "depth", "segmentation".
@@ -162,14 +162,14 @@ class _Bound:
         # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
         plain = None if context.render_skybox else [int(255.0 * part) / 255.0 for part in settings["background_color"]]
         color = "rgb" if plain is None or context._miss_alpha == packing.OPAQUE else "rgba"
-        views = [view for view in context.views if view.outputs]
+        views, far = [view for view in context.views if view.outputs], farthest_of(mjm)
         cameras = [
             wc.Camera(
                 view.camera,
                 width=view.size[0],
                 height=view.size[1],
                 outputs=[color if name == "rgb" else name for name in view.outputs],
-                far=context.zfar if context.zfar > 0.0 else None,
+                far=far,
                 depth_clipping="zero",
                 shadows=bool(settings["use_shadows"]),
                 antialiasing=settings["samples_per_pixel"] ** 2 if "rgb" in view.outputs else 1,
@@ -208,6 +208,12 @@ class _Bound:
                 else:
                     stages.append(packing.bind_objects(image, objects, context.seg_data, start, device))
         return stages
+
+
+def farthest_of(mjm: mujoco.MjModel) -> float | None:
+    """Return the nearest depth that is not seen any more: what lies at ``zfar`` is; None if all is seen [m]."""
+    zfar = np.float32(mjm.vis.map.zfar * mjm.stat.extent)
+    return float(np.nextafter(zfar, np.float32(np.inf))) if zfar > 0.0 else None
 
 
 def geoms_of(mjm: mujoco.MjModel, groups: Sequence[int]) -> np.ndarray:

@@ -169,6 +169,7 @@ class RendererCache:
         views: "list[tuple[wp.array, wp.array, dict[str, wp.array]]]",
         clear_data: Any,
         config: Any,
+        visuals: Any = None,
     ) -> None:
         """Draw views.
 
@@ -178,6 +179,7 @@ class RendererCache:
             views: For each camera the views' transforms, their rays and their images, (view, height, width).
             clear_data: Newton's ClearData.
             config: Newton's RenderConfig.
+            visuals: Newton's DeformableVisuals that visual meshes are drawn from; None draws them from the state.
         """
         seen = [_Seen(number, self.bundles.find(view[1]), *view) for number, view in enumerate(views)]
         samples = max(each.bundle.samples for each in seen)
@@ -189,6 +191,8 @@ class RendererCache:
             if self._drawn.splats:
                 self._limit_splats(splat_limits(config))
             self.scene.bind(state)
+            source: Any = self.scene._source
+            source.bind_visual_points(None if visuals is None else visuals.points)
             self.looks.show(config, torch_interop.is_capturing(self.device))
             traced = self._traced(seen, clear_data, config)
             if torch_interop.is_capturing(self.device):

@@ -65,6 +65,7 @@ class SensorCamera(NewtonsCamera):
         self._views = RendererCache(model, physical, bool(load_textures), mode != VISUAL_ONLY, mode != SIMULATION_ONLY)
         self._mode = mode
         self._synced: Any = None  # a reference to the state that deformables were last taken of
+        self._visuals: Any = None  # and what was given with it
         self._mapped: dict[Any, tuple[Any, Mapped]] = {}
         self.left_out = wp.zeros(1, dtype=wp.int32, device=model.device)
 
@@ -96,7 +97,8 @@ class SensorCamera(NewtonsCamera):
             clear_data: In place of ``default_clear_data``.
             render_config: In place of ``default_render_config``.
             sync_deformables: False is for a state that ``sync_deformable_meshes`` was given; it is followed anyway.
-            deformable_visuals: Changes nothing: deformables are those of the state.
+            deformable_visuals: ``newton.geometry.DeformableVisuals`` whose points visual meshes have, whatever state
+                they were updated from; None makes the points from the state.
             **images: What to write: ``color_image``, ``depth_image``, ``forward_depth_image``, ``shape_index_image``,
                 ``normal_image``, ``albedo_image``, ``hdr_color_image``, each (view, height, width).
         """
@@ -125,7 +127,7 @@ class SensorCamera(NewtonsCamera):
             if world_indices is not None:
                 mapped.choose(world_indices)
             views = [(camera_transforms, camera_rays, asked)] * mapped.num_cameras
-            self._views.render(state, mapped, views, clear, config)
+            self._views.render(state, mapped, views, clear, config, self._visuals)
 
     def forget_rays(self, rays: wp.array) -> None:
         """Read ``rays`` anew at the next update: another kernel has written others into the array."""
@@ -150,7 +152,15 @@ class SensorCamera(NewtonsCamera):
         self._views.assign_checkerboard(shape_indices, resolution, checker_size)
 
     def sync_deformable_meshes(self, state: newton.State, *, deformable_visuals: Any = None) -> None:
-        """Nothing to do: ``update`` follows the state, which must be this one if it is told not to synchronise."""
+        """Choose what deformables are drawn from: ``update`` follows it, if it is told not to synchronise.
+
+        Args:
+            state: The state, which must be that of ``update`` then.
+            deformable_visuals: See ``update``.
+
+        Raises:
+            RuntimeError: ``deformable_visuals`` have never been updated.
+        """
         if not isinstance(state, newton.State):
             raise WarpcamError(f"state must be a newton.State, got {type(state).__name__}")
         if deformable_visuals is not None:
@@ -165,7 +175,8 @@ class SensorCamera(NewtonsCamera):
                 raise WarpcamError(
                     "deformable_visuals: deformable_surface_mode is SIMULATION_ONLY, which draws no visual meshes"
                 )
-        self._synced = weakref.ref(state)
+            deformable_visuals.wait()
+        self._synced, self._visuals = weakref.ref(state), deformable_visuals
 
     def _map(self, world_indices: wp.array | None, num_views: int) -> Mapped:
         num_worlds = self._model.world_count

@@ -17,6 +17,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 
 _UNSET: Any = object()
+DEPRECATED: type[Warning] = getattr(newton, "NewtonDeprecationWarning", DeprecationWarning)  # older ones have none
 RAYS_KEPT = 16  # arrays of rays whose slices are kept
 
 
@@ -47,7 +48,7 @@ class Utils(NewtonsCamera.Utils):
         """An older name for all shapes."""
         warnings.warn(
             "assign_checkerboard_material_to_all_shapes is deprecated; use assign_checkerboard_material",
-            DeprecationWarning,
+            DEPRECATED,
             stacklevel=2,
         )
         sensor = self._sensor()
@@ -63,7 +64,7 @@ def _set(sensor: "SensorTiledCamera", method: str, field: str, value: bool) -> N
         warnings.warn(
             f"SensorTiledCamera.utils.{method}() changed SensorTiledCamera.default_render_config.{field}; set it to "
             f"{value!r} there",
-            DeprecationWarning,
+            DEPRECATED,
             stacklevel=3,
         )
     setattr(config, field, value)
@@ -110,11 +111,16 @@ class SensorTiledCamera(NewtonsCamera):
         load_textures: bool = True,
         physical: bool = False,
     ):
+        warnings.warn(
+            "SensorTiledCamera is deprecated as of Newton 1.7, which is about to drop it; use SensorCamera",
+            DEPRECATED,
+            stacklevel=2,
+        )
         self.model = model
         if config is not _UNSET:
             warnings.warn(
                 "SensorTiledCamera(config=...) is deprecated; use default_render_config",
-                DeprecationWarning,
+                DEPRECATED,
                 stacklevel=2,
             )
             if default_render_config is not None:
@@ -138,6 +144,12 @@ class SensorTiledCamera(NewtonsCamera):
 
     @property
     def render_config(self) -> Any:
+        """Older name of ``default_render_config``."""
+        warnings.warn(
+            "SensorTiledCamera.render_config is deprecated as of Newton 1.4; use default_render_config",
+            DEPRECATED,
+            stacklevel=2,
+        )
         return self._config
 
     @property

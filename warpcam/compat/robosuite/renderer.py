@@ -16,7 +16,8 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from warpcam.compat.mujoco.frame_renderer import FrameRenderer, depth_buffer, view_of
+from warpcam.compat.mujoco.frame_renderer import FrameRenderer
+from warpcam.compat.mujoco.gl_camera import depth_buffer, view_of
 from warpcam.compat.mujoco.options import style_of
 from warpcam.compat.mujoco.user_geoms import UserGeoms
 from warpcam.compat.robosuite import shims

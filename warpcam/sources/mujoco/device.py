@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
+from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
@@ -34,8 +35,9 @@ class MujocoWarpSource(ModelSource):
         groups: model.Groups,
         draw: Collection[str] = model.DRAWN,
         reflections: bool | None = None,
-        transparency: bool | None = None,
+        transparency: Transparency = None,
         geoms: Collection[int] | None = None,
+        planes_from_behind: bool = False,
     ):
         model.check_model(mjm, "mjm")
         if not isinstance(m, mjw.Model):
@@ -53,8 +55,10 @@ class MujocoWarpSource(ModelSource):
         self._m, self._d = m, d
         parts = model.read_description(mjm, d.nworld, groups, geoms)
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
-        colors = (array.numpy() for array in (m.geom_rgba, m.geom_matid, m.mat_rgba))
-        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, *colors)
+        self.parts = with_layers(
+            self.parts, mjm, extras, reflections, transparency, m.geom_rgba.numpy(), m.geom_matid.numpy(),
+            m.mat_rgba.numpy(), planes_from_behind=planes_from_behind,
+        )  # fmt: skip
         self._tables = (
             VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
         )
@@ -107,7 +111,8 @@ def load(
     groups: model.Groups,
     draw: Collection[str] = model.DRAWN,
     reflections: bool | None = None,
-    transparency: bool | None = None,
+    transparency: Transparency = None,
     geoms: Collection[int] | None = None,
+    planes_from_behind: bool = False,
 ) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms))
+    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms, planes_from_behind))

@@ -40,13 +40,16 @@ class MujocoSource(ModelSource):
         reflections: bool | None = None,
         transparency: Transparency = None,
         decor: MjvGeomSlots | None = None,
+        planes_from_behind: bool = False,
     ):
         self.device = device
         self._mjm, self._mjds, self._decor = mjm, mjds, decor
         parts = model.read_description(mjm, len(mjds), groups)
         kinds = decor.kinds if decor is not None else ()
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw), kinds)
-        self.parts = with_layers(self.parts, mjm, extras, reflections, transparency, decor=kinds)
+        self.parts = with_layers(
+            self.parts, mjm, extras, reflections, transparency, decor=kinds, planes_from_behind=planes_from_behind
+        )
         self._extras = extras
         self._tables = VisualGeomArrays(extras, len(mjds), len(parts.meshes), device) if extras is not None else None
         self._data_names = {**model.DATA_NAMES, **names_of(extras)}
@@ -172,6 +175,7 @@ def load(
     reflections: bool | None = None,
     transparency: Transparency = None,
     decor: MjvGeomSlots | None = None,
+    planes_from_behind: bool = False,
 ) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
@@ -187,4 +191,5 @@ def load(
                 f"{which} was made from another model than mjm: it has {data.geom_xpos.shape[0]} geoms and "
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
-    return Scene(MujocoSource(mjm, mjds, groups, device_rule.resolve(device), draw, reflections, transparency, decor))
+    resolved = device_rule.resolve(device)
+    return Scene(MujocoSource(mjm, mjds, groups, resolved, draw, reflections, transparency, decor, planes_from_behind))

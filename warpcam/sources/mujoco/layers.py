@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.types import PLANE
 from warpcam.scene.layers import Layers, Transparency, find_mirrors, find_transparent
 from warpcam.scene.source import SceneDescription
@@ -26,6 +27,7 @@ def with_layers(
     materials: np.ndarray | None = None,
     material_colors: np.ndarray | None = None,
     decor: Sequence[MjvGeomClass] = (),
+    planes_from_behind: bool = False,
 ) -> SceneDescription:
     """The scene's parts with what of them needs more than one layer.
 
@@ -39,6 +41,7 @@ def with_layers(
         materials: (n, geom), likewise.
         material_colors: (n, material, 4), likewise.
         decor: What may stand beside the model.
+        planes_from_behind: Whether outputs that are not lit see planes from behind.
     """
     colors = mjm.geom_rgba[None] if colors is None else colors
     materials = mjm.geom_matid[None] if materials is None else materials
@@ -64,7 +67,8 @@ def with_layers(
         haze_width=float(mjm.vis.map.haze),
         haze_radius=float(SKYBOX * mjm.vis.map.zfar * mjm.stat.extent),
     )
-    return replace(parts, layers=layers)
+    flags = parts.flags | SceneFlag.PLANES_FROM_BEHIND if planes_from_behind else parts.flags
+    return replace(parts, layers=layers, flags=flags)
 
 
 def _extended(geoms: np.ndarray, columns: np.ndarray) -> np.ndarray:

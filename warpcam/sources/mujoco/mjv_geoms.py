@@ -104,6 +104,15 @@ class MjvGeoms:
         """Return the opaque geoms."""
         return self.some(self.colors[:, 3] >= OPAQUE_ABOVE)
 
+    def facing(self, eye: np.ndarray) -> "MjvGeoms":
+        """Return the geoms with all planes turned to face a place (3,) [m]; these very geoms if all do."""
+        away = ((eye - self.positions) * self.rotations[:, :, 2]).sum(axis=1) < 0.0
+        behind = (self.types == PLANE) & away
+        if not behind.any():
+            return self
+        turns = np.where(behind[:, None], (1.0, -1.0, -1.0), 1.0)
+        return replace(self, rotations=self.rotations * turns[:, None, :])
+
     def some(self, chosen: np.ndarray) -> "MjvGeoms":
         """Some of the shapes: (shape,) bool, or their numbers."""
         rows = {field.name: getattr(self, field.name) for field in fields(self)}

@@ -209,31 +209,36 @@ def _mesh(mjm: mujoco.MjModel, index: int) -> Mesh:
     facenormal = rows(mjm.mesh_facenormal, mjm.mesh_faceadr, mjm.mesh_facenum)
     _check_corners(name, "facenormal", facenormal, len(normal))
     normals = normal[facenormal].astype(np.float32)
-    uvs, lacking = None, np.ones(len(faces), bool)
+    uvs = None
     if mjm.mesh_texcoordadr[index] >= 0:
-        facetexcoord = rows(mjm.mesh_facetexcoord, mjm.mesh_faceadr, mjm.mesh_facenum)
-        lacking = (facetexcoord == -1).any(axis=1)  # of one corner at least: the image is projected, as without any
-    if not lacking.all():
         texcoord = rows(mjm.mesh_texcoord, mjm.mesh_texcoordadr, mjm.mesh_texcoordnum)
-        _check_corners(name, "facetexcoord", np.where(lacking[:, None], 0, facetexcoord), len(texcoord))
-        uvs = texcoord[np.where(lacking[:, None], 0, facetexcoord)].astype(np.float32)
-        half = np.maximum(np.abs(vertices).max(axis=0), 1e-12)
-        projected = (vertices / half)[faces][..., :2] * (0.5, -0.5) - 0.5
-        uvs[lacking] = projected[lacking]
-        uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
-    else:
+        facetexcoord = rows(mjm.mesh_facetexcoord, mjm.mesh_faceadr, mjm.mesh_facenum)
+        _check_corners(name, "facetexcoord", facetexcoord, len(texcoord), least=-1)
+        missing = (facetexcoord < 0).any(axis=1)  # such a face is projected on, as a mesh without coordinates is
+        if not missing.all():
+            uvs = texcoord[facetexcoord].astype(np.float32)
+            uvs[missing] = _projected(mjm, index, vertices[faces[missing]])
+            uvs[..., 1] = 1.0 - uvs[..., 1]  # MuJoCo's v counts from the image's first row
+    if uvs is None:
         flat = face_normals(vertices, faces)[:, None, :]
         smooth = np.sum(normals * flat, axis=-1, keepdims=True) >= SMOOTH_BELOW
         normals = np.where(smooth, normals, flat)
     return Mesh(name, vertices, faces, normals, uvs)
 
 
-def _check_corners(name: str, what: str, indices: np.ndarray, count: int) -> None:
-    bad = (indices < 0) | (indices >= count)
+def _projected(mjm: mujoco.MjModel, index: int, corners: np.ndarray) -> np.ndarray:
+    """Return the texture coordinates of corners (n, 3, 3) along z, for textures that do not repeat."""
+    geoms = (mjm.geom_type == int(mujoco.mjtGeom.mjGEOM_MESH)) & (mjm.geom_dataid == index)
+    half = mjm.geom_size[np.argmax(geoms), :2] if geoms.any() else np.ones(2)
+    return 0.5 * corners[..., :2] / half * (1.0, -1.0) - 0.5
+
+
+def _check_corners(name: str, what: str, indices: np.ndarray, count: int, least: int = 0) -> None:
+    bad = (indices < least) | (indices >= count)
     if bad.any():
         face = int(np.argmax(bad.any(axis=1)))
         raise WarpcamError(
-            f"mesh '{name}': mesh_{what} must be indices from 0 to {count - 1}, got {indices[face].tolist()} "
+            f"mesh '{name}': mesh_{what} must be indices from {least} to {count - 1}, got {indices[face].tolist()} "
             f"at face {face}"
         )
 

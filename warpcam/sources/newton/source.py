@@ -158,6 +158,7 @@ class NewtonSource:
         ):
             setattr(self._out, ours, self._arrays[theirs])
         self._state = state
+        self._given: wp.array | None = None
         self._stages: dict[tuple[Any, ...], tuple[Stage, ...]] = {}
         self._read: tuple[Any, ...] = ()
         self._bound: tuple[Stage, ...] = ()
@@ -196,6 +197,7 @@ class NewtonSource:
         read = (
             self._state.body_q,
             self._state.particle_q,
+            self._given,
             *(getattr(model, name, None) for name in (*self._live, *LIVE_SOFT)),
         )
         if len(read) == len(self._read) and all(a is b for a, b in zip(read, self._read, strict=True)):
@@ -216,6 +218,13 @@ class NewtonSource:
         self._check_state(state)
         self._state = state
 
+    def bind_visual_points(self, points: wp.array | None) -> None:
+        """Draw visual meshes with these vertices, (point,) vec3 of all of the model [m]; None makes them of the state.
+
+        A front end calls this; the array is read at each frame.
+        """
+        self._given = points
+
     def forward(self) -> None:
         newton.eval_fk(self._model, self._state.joint_q, self._state.joint_qd, self._state)
 
@@ -226,7 +235,8 @@ class NewtonSource:
                 stages += tree.record(flat.points, aside=True)
             else:
                 moves = self._visual[part]
-                stages += [*moves.record(flat.points, flat.body_transforms), *tree.record(moves.points, moves.normals)]
+                stages += moves.record(flat.points, flat.body_transforms, self._given)
+                stages += tree.record(moves.points, moves.normals)
         return stages
 
     def _move(self, meshes: types.Meshes) -> list[DeformingTree]:

@@ -16,6 +16,7 @@ from warpcam.kernels.update.refit import FaceShading
 from warpcam.kernels.update.skinning import Shell, bind_attached_vertices, bind_offset_vertices
 from warpcam.sources.newton.deformable_part import DeformablePart
 from warpcam.sources.newton.deformables import Deformables, is_closed
+from warpcam.sources.newton.kernels.visual_points import bind_visual_points
 from warpcam.sources.newton.options import NewtonOptions
 from warpcam.textures.pack import TextureImage
 
@@ -35,6 +36,7 @@ class VisualMesh(DeformablePart):
         smooth: Whether it is; else its faces are flat.
         drivers: For each mesh (vertex, 4) int32 and (vertex, 4) float32: see ``attach_vertices`` of
             ``kernels.update.skinning``.
+        starts: For each mesh the number of its first vertex among those of all visual meshes of the model.
     """
 
     hull: Shell = field(kw_only=True)
@@ -42,6 +44,7 @@ class VisualMesh(DeformablePart):
     texture: int = field(kw_only=True)
     smooth: bool = field(kw_only=True)
     drivers: list[tuple[np.ndarray, np.ndarray]] = field(kw_only=True, default_factory=list)
+    starts: list[int] = field(kw_only=True, default_factory=list)
 
     @property
     def shading(self) -> FaceShading:
@@ -72,9 +75,11 @@ class VisualMeshes:
 
 def read_visuals(model: newton.Model, choice: NewtonOptions) -> VisualMeshes:
     reader = _Reader(model, choice)
+    start = 0
     for mesh in getattr(model, "deformable_visual_meshes", ()) if choice.visual else ():
         if choice.shared or mesh.world >= 0:
-            reader.add(mesh)
+            reader.add(mesh, start)
+        start += int(mesh.vertex_count)
     return VisualMeshes(list(reader.parts.values()), reader.textures, reader.particles)
 
 
@@ -94,19 +99,28 @@ class AttachedVertices:
         self._device, self._surface = device, part.hull.upload(device)
         self._bonds = wp.array(bonds, dtype=wp.vec4i, ndim=2, device=device)
         self._weights = wp.array(weights, dtype=wp.vec4, ndim=2, device=device)
+        self._starts = wp.array(np.array(part.starts, np.int32), dtype=wp.int32, device=device)
         self._vertices = wp.zeros((count, num_vertices), dtype=wp.vec3, device=device)
         self._points, self._normals = (
             wp.zeros((count, part.num_points), dtype=wp.vec3, device=device) for _ in range(2)
         )
         self.points, self.normals = self._points.flatten(), self._normals.flatten()
 
-    def record(self, particles: wp.array, bodies: wp.array) -> list[Stage]:
-        """Bind the stages that write ``points`` and ``normals``."""
+    def record(self, particles: wp.array, bodies: wp.array, given: wp.array | None) -> list[Stage]:
+        """Bind the stages that write ``points`` and ``normals``.
+
+        Args:
+            particles: (particle,) vec3 [m].
+            bodies: (body,) transform.
+            given: (point,) vec3, vertices of all visual meshes of the model, which are drawn as they are [m]; None
+                makes them of particles and bodies.
+        """
         device = self._device
-        return [
-            bind_attached_vertices(self._bonds, self._weights, particles, bodies, self._vertices, device),
-            bind_offset_vertices(self._surface, self._vertices, self._points, self._normals, device),
-        ]
+        if given is None:
+            placed = bind_attached_vertices(self._bonds, self._weights, particles, bodies, self._vertices, device)
+        else:
+            placed = bind_visual_points(given, self._starts, self._vertices, device)
+        return [placed, bind_offset_vertices(self._surface, self._vertices, self._points, self._normals, device)]
 
 
 class _Reader:
@@ -120,7 +134,7 @@ class _Reader:
         self._known: dict[Any, int] = {}
         self._seen: dict[Any, int] = {}
 
-    def add(self, mesh: "newton.geometry.DeformableVisualMesh") -> None:
+    def add(self, mesh: "newton.geometry.DeformableVisualMesh", start: int) -> None:
         faces = np.ascontiguousarray(mesh.indices.numpy().reshape(-1, 3), np.int32)
         uvs = None if mesh.uvs is None else mesh.uvs.numpy().astype(np.float32)
         texture = self._texture(mesh, uvs)
@@ -135,6 +149,7 @@ class _Reader:
         part.worlds.append(world)
         part.triangles.append(VISUAL)
         part.drivers.append(self._drivers(mesh))
+        part.starts.append(start)
 
     def _part(self, faces: np.ndarray, vertices: np.ndarray, uvs: np.ndarray | None, texture: int) -> VisualMesh:
         count, backs = len(vertices), self._choice.backs

@@ -9,6 +9,7 @@ import numpy as np
 from warpcam.core.errors import WarpcamError
 from warpcam.core.rotations import rotation_matrices, rotation_quaternions
 
+VEC2 = np.dtype([("x", "f4"), ("y", "f4")])
 VEC3 = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4")])
 QUAT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("w", "f4")])
 TRANSFORM = np.dtype([("p", VEC3), ("r", QUAT)])
@@ -104,6 +105,45 @@ class Vec3(Numbered):
     def normalize(self) -> "Vec3":
         length = self.length()
         return self / length if length > 0.0 else Vec3()
+
+
+class Vec2(Numbered):
+    """A vector of two numbers."""
+
+    dtype = VEC2
+    x: float
+    y: float
+
+    def __init__(self, x: float = 0.0, y: float = 0.0):
+        self.x, self.y = x, y
+
+    def __iter__(self) -> Iterator[float]:
+        yield from (self.x, self.y)
+
+    def __repr__(self) -> str:
+        return f"Vec2({self.x}, {self.y})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Vec2) and tuple(self) == tuple(other)
+
+    __hash__ = None  # type: ignore[assignment] # it may be written
+
+    def __add__(self, other: "Vec2") -> "Vec2":
+        return Vec2(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: "Vec2") -> "Vec2":
+        return Vec2(self.x - other.x, self.y - other.y)
+
+    def __neg__(self) -> "Vec2":
+        return Vec2(-self.x, -self.y)
+
+    def __mul__(self, factor: float) -> "Vec2":
+        return Vec2(self.x * factor, self.y * factor)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> "Vec2":
+        return self * (1.0 / divisor)
 
 
 class Quat(Numbered):
@@ -232,6 +272,12 @@ class Velocity:
     def __init__(self, p: Any = None, q: Any = None):
         self.linear, self.angular = (Vec3() if part is None else Vec3(*part) for part in (p, q))
 
+    @classmethod
+    def from_buffer(cls, buffer: Any) -> "Velocity":
+        """Read from a row of an array of its ``dtype``, as states have velocities, or from its bytes."""
+        numbers = numbers_in(buffer, cls)
+        return cls(numbers[:3], numbers[3:])
+
     def __repr__(self) -> str:
         return f"Velocity({self.linear}, {self.angular})"
 
@@ -243,6 +289,12 @@ class DofFrame:
 
     def __init__(self, origin: Any = None, axis: Any = None):
         self.origin, self.axis = (Vec3() if part is None else Vec3(*part) for part in (origin, axis))
+
+    @classmethod
+    def from_buffer(cls, buffer: Any) -> "DofFrame":
+        """Read from a row of an array of its ``dtype``, or from its bytes."""
+        numbers = numbers_in(buffer, cls)
+        return cls(numbers[:3], numbers[3:])
 
     def __repr__(self) -> str:
         return f"DofFrame({self.origin}, {self.axis})"
@@ -267,6 +319,22 @@ class Mat33:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Mat33) and self.x == other.x and self.y == other.y and self.z == other.z
+
+    __hash__ = None  # type: ignore[assignment] # it may be written
+
+
+class Mat44:
+    """A matrix by its rows, each of four numbers."""
+
+    def __init__(self, x: Any = None, y: Any = None, z: Any = None, w: Any = None):
+        rows = (x, y, z, w)
+        self.x, self.y, self.z, self.w = (Quat(0, 0, 0, 0) if row is None else Quat(*row) for row in rows)
+
+    def __repr__(self) -> str:
+        return f"Mat44({self.x}, {self.y}, {self.z}, {self.w})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mat44) and all(getattr(self, row) == getattr(other, row) for row in "xyzw")
 
     __hash__ = None  # type: ignore[assignment] # it may be written
 

@@ -72,6 +72,14 @@ class PhysXParams(Strict):
 
 
 @dataclass
+class Version(Strict):
+    """A version of Isaac Gym."""
+
+    major: int = 0
+    minor: int = 0
+
+
+@dataclass
 class FlexParams(Strict):
     """Held."""
 
@@ -91,6 +99,7 @@ class FlexParams(Strict):
     dynamic_friction: float = 0.35
     static_friction: float = 0.35
     particle_friction: float = 0.35
+    return_contacts: bool = True
 
 
 @dataclass
@@ -104,7 +113,7 @@ class SimParams(Strict):
         up_axis: It decides which way a camera looks, see ``set_camera_transform``.
         use_gpu_pipeline: Whether state tensors are on the GPU.
         num_client_threads: Held.
-        stress_visualization: Held.
+        stress_visualization: Held, and so are ``stress_visualization_min`` and ``stress_visualization_max``.
         enable_actor_creation_warning: Held.
         physx: Held, but for ``use_gpu``.
         flex: Held.
@@ -117,6 +126,8 @@ class SimParams(Strict):
     use_gpu_pipeline: bool = False
     num_client_threads: int = 0
     stress_visualization: bool = False
+    stress_visualization_min: float = 0.0
+    stress_visualization_max: float = 1.0e5
     enable_actor_creation_warning: bool = True
     physx: PhysXParams = field(default_factory=PhysXParams)
     flex: FlexParams = field(default_factory=FlexParams)

@@ -124,6 +124,10 @@ class PropertyCalls:
         where = "get_asset_tendon_name"
         return one_at(asset_of(asset, where).extras.tendons, index, where)[0]
 
+    def find_asset_tendon_index(self, asset: Asset, name: str) -> int:
+        names = [known for known, _ in asset_of(asset, "find_asset_tendon_index").extras.tendons]
+        return names.index(name) if name in names else INVALID_HANDLE
+
     def get_asset_tendon_properties(self, asset: Asset) -> list[TendonProperties]:
         """Return the properties of all tendons; copies."""
         asset = asset_of(asset, "get_asset_tendon_properties")

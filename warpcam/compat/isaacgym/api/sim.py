@@ -9,7 +9,7 @@ import warp as wp
 from warpcam.compat.common.scalars import whole
 from warpcam.compat.isaacgym.api.enums import SimType, one_of
 from warpcam.compat.isaacgym.api.math_types import Vec3
-from warpcam.compat.isaacgym.api.params import HeightFieldParams, PlaneParams, SimParams, TriangleMeshParams
+from warpcam.compat.isaacgym.api.params import HeightFieldParams, PlaneParams, SimParams, TriangleMeshParams, Version
 from warpcam.compat.isaacgym.physics.environments import Env, handle_of
 from warpcam.compat.isaacgym.physics.simulation import Sim, env_of, sim_of
 from warpcam.compat.isaacgym.terrain.terrain import of_heights, of_triangles
@@ -19,6 +19,10 @@ from warpcam.core.errors import WarpcamError
 
 class SimCalls:
     """See ``Gym``."""
+
+    def get_version(self) -> Version:
+        """The version of Isaac Gym whose calls these are: of Preview 4."""
+        return Version(major=1, minor=0)
 
     def create_sim(
         self,

@@ -209,6 +209,7 @@ class CameraBatches:
         self._views: dict[tuple[Any, ...], EnvironmentScene] = {}
         self._renderers: list[BatchRenderer] = []
         self._later: dict[tuple[Batch, ImageType], BatchRenderer] = {}  # drawn only when somebody looks
+        self._first: dict[tuple[Batch, ImageType], BatchRenderer] = {}  # of tensors that the next render draws at last
         self._buffers: dict[tuple[Batch, ImageType], ImageBuffers] = {}
         self._batches: list[Batch] = []
         self._count = 0
@@ -234,21 +235,28 @@ class CameraBatches:
             batch_renderer.drop(batch)
         self._renderers = [batch_renderer for batch_renderer in self._renderers if batch_renderer.buffers]
         self._later = {key: batch_renderer for key, batch_renderer in self._later.items() if key[0] is not batch}
+        self._first = {key: batch_renderer for key, batch_renderer in self._first.items() if key[0] is not batch}
         self._buffers = {key: album for key, album in self._buffers.items() if key[0] is not batch}
         self._batches.remove(batch)
         used = {id(other.view) for other in self._batches}
         self._views = {key: view for key, view in self._views.items() if id(view) in used}
 
     def tensor(self, sensor: Sensor, kind: ImageType, device: wp.Device) -> Tensor:
-        """Memory of a camera's images, written at each render from now on."""
+        """Memory of a camera's images, which holds that of the last render, and is written at each from now on."""
         if kind not in sensor.tensors:
             array = wp.zeros(shape_of(sensor, kind), dtype=DTYPES[kind], device=device)
             size = (sensor.props.height, sensor.props.width)
-            sensor.tensors[kind] = Tensor(torch_interop.to_torch(array), size if kind == FLOW else None)
+            image = torch_interop.to_torch(array)
+            if self.frame > 0 and sensor.batch is not None:
+                drawn = self._drawn(sensor.batch, kind, self._first).images
+                assert drawn is not None
+                image.copy_(drawn[sensor.world])
+            sensor.tensors[kind] = Tensor(image, size if kind == FLOW else None)
             self._asked.append((sensor, kind))
         return sensor.tensors[kind]
 
     def render(self, physics: Physics, envs: Sequence[Env]) -> None:
+        self._first.clear()
         self._settle(physics, envs)
         with torch_interop.in_order(physics.device):
             for view in self._views.values():
@@ -265,14 +273,19 @@ class CameraBatches:
             )
         if kind in sensor.tensors and (sensor.batch, kind) in self._buffers:
             return np.array(torch_interop.to_numpy(sensor.tensors[kind].torch))
-        key = (sensor.batch, kind)
-        if key not in self._later:
-            self._later[key] = BatchRenderer(sensor.batch.view, [ImageBuffers(sensor.batch, kind, together=True)])
-            if kind == FLOW:  # since the render before, whoever looks
-                self._renderers.append(self._later[key])
-        if self._later[key].frame != self.frame:
-            self._later[key].draw(self.frame)
-        return self._later[key].buffers[0].read(sensor.world)
+        return self._drawn(sensor.batch, kind, self._later).read(sensor.world)
+
+    def _drawn(self, batch: Batch, kind: ImageType, kept: dict[tuple[Batch, ImageType], BatchRenderer]) -> ImageBuffers:
+        """Images of a batch as of the last render; what is made to draw them is kept there."""
+        key = (batch, kind)
+        renderer = self._later.get(key) or kept.get(key)
+        if renderer is None:
+            renderer = kept[key] = BatchRenderer(batch.view, [ImageBuffers(batch, kind, together=True)])
+            if kind == FLOW and kept is self._later:  # since the render before, whoever looks
+                self._renderers.append(renderer)
+        if renderer.frame != self.frame:
+            renderer.draw(self.frame)
+        return renderer.buffers[0]
 
     def _settle(self, physics: Physics, envs: Sequence[Env]) -> None:
         """Give new cameras their batches, and new tensors what draws them."""
