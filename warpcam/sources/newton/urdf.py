@@ -60,7 +60,7 @@ def add_urdf(
         in_order: Whether joints are in the order of their names.
 
     Raises:
-        WarpcamError: The file is no URDF file.
+        WarpcamError: The file is no URDF file, or has no links.
     """
     collector = WarningCollector(str(path))
     try:
@@ -69,6 +69,8 @@ def add_urdf(
         raise WarpcamError(f"{path}: is no URDF file: {error}") from None
     if robot.tag != "robot":
         raise WarpcamError(f"{path}: is no URDF file: its root is <{robot.tag}>, not <robot>")
+    if robot.find("link") is None:
+        raise WarpcamError(f"{path}: has no links, so there is nothing to simulate or to draw")
     if in_order:
         _order(robot)
     find_files(robot, path, ".", packages)
