@@ -337,38 +337,31 @@ def test_before_there_is_a_state(device: wp.Device) -> None:
     assert not color.any() and (depth == np.float32(model.vis.map.zfar * model.stat.extent)).all() and (ids == -1).all()
 
 
-def test_closed(device: wp.Device) -> None:
+@pytest.mark.parametrize("way", ["close", "__del__"])
+def test_closed(way: str, device: wp.Device) -> None:
     model, data = made()
     renderer = ours(model, device)
-    with renderer as entered:
-        assert entered is renderer
-    renderer.close()
-    with pytest.raises(RuntimeError, match="render cannot be called after close"):
-        renderer.render()
-    renderer.update_scene(data)
-
-
-def test_what_programs_call_to_have_a_renderer_let_go(device: wp.Device) -> None:
-    model, _ = made()
-    renderer = ours(model, device)
+    assert renderer.__enter__() is renderer
     for context in (renderer._gl_context, renderer._mjr_context):
         context.__del__()
-    renderer.__del__()
-    renderer.close()
+    getattr(renderer, way)()
     with pytest.raises(RuntimeError, match="render cannot be called after close"):
         renderer.render()
+    renderer.close()
+    renderer.update_scene(data)
 
 
 def test_larger_than_the_framebuffer(monkeypatch: pytest.MonkeyPatch) -> None:
     model, unraisable = made()[0], []
     gc.collect()  # of what others have left
     monkeypatch.setattr(sys, "unraisablehook", unraisable.append)
-    with pytest.raises(ValueError, match="Image width 65 > framebuffer width 64"):
-        Renderer(model, 48, 65)
-    with pytest.raises(ValueError, match="Image height 49 > framebuffer height 48"):
-        Renderer(model, 49, 64)
-    with pytest.raises(ValueError, match="height must be at least 1"):
-        Renderer(model, 0, 64)
+    for height, width, error in (
+        (48, 65, "Image width 65 > framebuffer width 64"),
+        (49, 64, "Image height 49 > framebuffer height 48"),
+        (0, 64, "height must be at least 1"),
+    ):
+        with pytest.raises(ValueError, match=error):
+            Renderer(model, height, width)
     gc.collect()
     assert unraisable == []
 

@@ -49,5 +49,5 @@ def test_other_numbers_are_refused(device: wp.Device) -> None:
     model = mujoco.MjModel.from_xml_string(XML)
     for wrong in (-2, 4):
         model.mesh_facetexcoord[1, 1] = wrong
-        with pytest.raises(wc.WarpcamError, match=rf"mesh_facetexcoord must be indices from 0 to 3, got .*{wrong}"):
+        with pytest.raises(wc.WarpcamError, match=rf"mesh_facetexcoord must be indices from -1 to 3, got .*{wrong}"):
             wc.from_mujoco(model, mujoco.MjData(model), device=device)
