@@ -10,7 +10,22 @@ from warpcam.sources.common.warnings import WarningCollector
 MAGIC = b"glTF"
 HEADER = 12  # bytes before the first chunk, and 8 before what that holds
 # Extensions that are read, or that change nothing in shapes and base colours.
-KNOWN = ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_", "KHR_lights_")
+READ = (
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+    "KHR_texture_transform",  # told of by the materials that it moves
+    "KHR_lights_punctual",  # told of if there are any
+)
+KNOWN = (
+    "EXT_mesh_gpu_instancing",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "KHR_materials_",
+    "KHR_lights_",
+)
 WORD = 5123  # the type of whole numbers of 16 bits
 MOVES = "KHR_texture_transform"
 UNREAD = ("cameras", "lights", "animations", "skins")
@@ -23,6 +38,10 @@ def tell(path: Path, collector: WarningCollector) -> None:
     for name in _listed(tree, "extensionsRequired"):
         if name != MOVES and not str(name).startswith(KNOWN):
             collector.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
+    unused = [name for name in _listed(tree, "extensionsUsed") if str(name) not in READ]
+    unused = [str(name) for name in unused if name not in _listed(tree, "extensionsRequired")]
+    if unused:
+        collector.warn("uses extensions of glTF that are not drawn", ", ".join(unused))
     for place, material in enumerate(_listed(tree, "materials")):
         where = str(material.get("name") or f"material {place}") if isinstance(material, Mapping) else ""
         for texture in _textures(material):

@@ -34,7 +34,7 @@ from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.files import gltf_unsupported, mtl, stl
+from warpcam.sources.files import gltf_plain, gltf_unsupported, mtl, stl
 from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
 
@@ -84,6 +84,8 @@ def read_graph(
             if kind in (".stl", ".obj"):
                 data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
                 source = io.BytesIO(data)
+            elif kind in GLTF:
+                source, kind = io.BytesIO(gltf_plain.plain(path.read_bytes(), resolver.get)), ".glb"
             scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
         except WarpcamError:
             raise
