@@ -87,7 +87,7 @@ class _File:
                 raise WarpcamError(f"sparse accessor: indices must be below {count}, got {rows.max()}")
             array[rows] = self._stored(given["bufferView"], given.get("byteOffset", 0), dtype, sparse["count"], size)
         if accessor.get("normalized") and dtype.kind in "iu":
-            return np.maximum(array / np.float64(np.iinfo(dtype).max), -1.0).astype(np.float32)
+            return np.maximum(array / np.float64(np.iinfo(dtype.str).max), -1.0).astype(np.float32)
         return array
 
     def _stored(self, place: int, offset: int, dtype: np.dtype[Any], count: int, size: int) -> np.ndarray:
@@ -97,7 +97,7 @@ class _File:
             raise WarpcamError(
                 f"bufferView {place}: {count} elements go past the {len(self._blob)} bytes of its buffer"
             )
-        stored = np.ndarray((count, size), dtype.newbyteorder("<"), bytes(self._blob), first, (step, dtype.itemsize))
+        stored = np.ndarray((count, size), dtype.newbyteorder("<"), self._blob, first, (step, dtype.itemsize))
         return stored.astype(dtype)
 
     def replace(self, place: int, array: np.ndarray) -> None:
