@@ -26,7 +26,6 @@ KNOWN = (
     "KHR_materials_",
     "KHR_lights_",
 )
-WORD = 5123  # the type of whole numbers of 16 bits
 MOVES = "KHR_texture_transform"
 UNREAD = ("cameras", "lights", "animations", "skins")
 TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
@@ -60,18 +59,6 @@ def tell(path: Path, collector: WarningCollector) -> None:
     for kind in UNREAD:
         if _listed(lit if kind == "lights" else tree, kind):
             collector.warn("has things of glTF that are not read", kind)
-    if any(_misread(tree)):
-        collector.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
-
-
-def _misread(tree: Mapping[str, Any]) -> Iterator[bool]:
-    accessors = _listed(tree, "accessors")
-    for mesh in _listed(tree, "meshes"):
-        for primitive in _listed(mesh, "primitives"):
-            attributes = primitive.get("attributes") if isinstance(primitive, Mapping) else None
-            place = attributes.get("COLOR_0") if isinstance(attributes, Mapping) else None
-            if isinstance(place, int) and 0 <= place < len(accessors) and "material" not in primitive:
-                yield isinstance(accessors[place], Mapping) and accessors[place].get("componentType") == WORD
 
 
 def _listed(tree: Any, name: str) -> list[Any]:
