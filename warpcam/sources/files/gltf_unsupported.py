@@ -5,11 +5,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.warnings import WarningCollector
 
 MAGIC = b"glTF"
 HEADER = 12  # bytes before the first chunk, and 8 before what that holds
-# Extensions that are read, or that change nothing in shapes and base colours.
+# Extensions that are read, or told of by what they change.
 READ = (
     "KHR_draco_mesh_compression",
     "KHR_mesh_quantization",
@@ -18,6 +19,7 @@ READ = (
     "KHR_texture_transform",  # told of by the materials that it moves
     "KHR_lights_punctual",  # told of if there are any
 )
+# Extensions that a file may need: read, or without change to shapes and base colours.
 KNOWN = (
     "EXT_mesh_gpu_instancing",
     "KHR_draco_mesh_compression",
@@ -32,11 +34,16 @@ TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occ
 
 
 def tell(path: Path, collector: WarningCollector) -> None:
-    """Warn of it, by the names of the materials."""
+    """Warn of it, by the names of the materials.
+
+    Raises:
+        WarpcamError: The file needs an extension that is not known.
+    """
     tree = _tree(path)
-    for name in _listed(tree, "extensionsRequired"):
-        if name != MOVES and not str(name).startswith(KNOWN):
-            collector.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
+    needed = [str(name) for name in _listed(tree, "extensionsRequired")]
+    unknown = [name for name in needed if name != MOVES and not name.startswith(KNOWN)]
+    if unknown:
+        raise WarpcamError(f"{path}: needs extensions of glTF that are not read here: {', '.join(unknown)}")
     unused = [name for name in _listed(tree, "extensionsUsed") if str(name) not in READ]
     unused = [str(name) for name in unused if name not in _listed(tree, "extensionsRequired")]
     if unused:
