@@ -5,24 +5,49 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.warnings import WarningCollector
 
 MAGIC = b"glTF"
 HEADER = 12  # bytes before the first chunk, and 8 before what that holds
-# Extensions that are read, or that change nothing in shapes and base colours.
-KNOWN = ("KHR_draco_mesh_compression", "KHR_mesh_quantization", "EXT_texture_webp", "KHR_materials_", "KHR_lights_")
-WORD = 5123  # the type of whole numbers of 16 bits
+# Extensions that are read, or told of by what they change.
+READ = (
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",
+    "KHR_texture_transform",  # told of by the materials that it moves
+    "KHR_lights_punctual",  # told of if there are any
+)
+# Extensions that a file may need: read, or without change to shapes and base colours.
+KNOWN = (
+    "EXT_mesh_gpu_instancing",
+    "KHR_draco_mesh_compression",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+    "KHR_materials_",
+    "KHR_lights_",
+)
 MOVES = "KHR_texture_transform"
 UNREAD = ("cameras", "lights", "animations", "skins")
 TELLING = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
 
 
 def tell(path: Path, collector: WarningCollector) -> None:
-    """Warn of it, by the names of the materials."""
+    """Warn of it, by the names of the materials.
+
+    Raises:
+        WarpcamError: The file needs an extension that is not known.
+    """
     tree = _tree(path)
-    for name in _listed(tree, "extensionsRequired"):
-        if name != MOVES and not str(name).startswith(KNOWN):
-            collector.warn("needs an extension of glTF that is not known here, and may be drawn wrongly", str(name))
+    needed = [str(name) for name in _listed(tree, "extensionsRequired")]
+    unknown = [name for name in needed if name != MOVES and not name.startswith(KNOWN)]
+    if unknown:
+        raise WarpcamError(f"{path}: needs extensions of glTF that are not read here: {', '.join(unknown)}")
+    unused = [name for name in _listed(tree, "extensionsUsed") if str(name) not in READ]
+    unused = [str(name) for name in unused if name not in _listed(tree, "extensionsRequired")]
+    if unused:
+        collector.warn("uses extensions of glTF that are not drawn", ", ".join(unused))
     for place, material in enumerate(_listed(tree, "materials")):
         where = str(material.get("name") or f"material {place}") if isinstance(material, Mapping) else ""
         for texture in _textures(material):
@@ -41,18 +66,6 @@ def tell(path: Path, collector: WarningCollector) -> None:
     for kind in UNREAD:
         if _listed(lit if kind == "lights" else tree, kind):
             collector.warn("has things of glTF that are not read", kind)
-    if any(_misread(tree)):
-        collector.warn("has colours of corners of 16 bits without a material, which trimesh misreads")
-
-
-def _misread(tree: Mapping[str, Any]) -> Iterator[bool]:
-    accessors = _listed(tree, "accessors")
-    for mesh in _listed(tree, "meshes"):
-        for primitive in _listed(mesh, "primitives"):
-            attributes = primitive.get("attributes") if isinstance(primitive, Mapping) else None
-            place = attributes.get("COLOR_0") if isinstance(attributes, Mapping) else None
-            if isinstance(place, int) and 0 <= place < len(accessors) and "material" not in primitive:
-                yield isinstance(accessors[place], Mapping) and accessors[place].get("componentType") == WORD
 
 
 def _listed(tree: Any, name: str) -> list[Any]:

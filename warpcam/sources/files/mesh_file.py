@@ -34,7 +34,7 @@ from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.files import gltf_unsupported, mtl, stl
+from warpcam.sources.files import gltf_plain, gltf_unsupported, mtl, stl
 from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
 
@@ -84,6 +84,9 @@ def read_graph(
             if kind in (".stl", ".obj"):
                 data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
                 source = io.BytesIO(data)
+            elif kind in GLTF:
+                gltf_unsupported.tell(path, collector)
+                source, kind = io.BytesIO(gltf_plain.plain(path.read_bytes(), resolver.get)), ".glb"
             scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
         except WarpcamError:
             raise
@@ -97,10 +100,8 @@ def read_graph(
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
         root[3, 3] = 1.0
-        is_gltf = kind in GLTF
+        is_gltf = path.suffix.lower() in GLTF
         graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if is_gltf and up_axis == "Z" else root)])
-        if is_gltf:
-            gltf_unsupported.tell(path, collector)
         _Reader(scene, graph, is_gltf, collector, resolver).read()
     clouds = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.PointCloud)]
     if not graph.items and clouds:
