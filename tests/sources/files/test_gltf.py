@@ -116,13 +116,17 @@ def test_corners_of_several_colours(tmp_path: Path, caplog: pytest.LogCaptureFix
 
 MOVED = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0]}}}
 TOLD: dict[str, tuple[dict, dict]] = {
-    "has a texture that KHR_texture_transform moves, and is laid on as if it did not: paint": (
-        {"pbrMetallicRoughness": {"baseColorTexture": MOVED}},
+    "has textures that lie differently, and is drawn with all as the first: paint": (
+        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, "emissiveTexture": MOVED},
         {},
     ),
-    "has a texture for other texture coordinates than its first, and is laid on by these: paint": (
+    "has a texture for texture coordinates 1, which a mesh has not: paint": (
         {"normalTexture": {"index": 0, "texCoord": 1}},
         {},
+    ),
+    "uses extensions of glTF that are not drawn: KHR_materials_unlit": (
+        {},
+        {"extensionsRequired": ["KHR_materials_unlit"]},
     ),
     "has things of glTF that are not read: cameras, lights, animations": (
         {},
@@ -152,7 +156,7 @@ def test_what_is_not_drawn_is_told(text: str, packed: bool, tmp_path: Path, capl
 
 def test_what_changes_nothing_is_not_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     still = {"index": 0, "texCoord": 0, "extensions": {"KHR_texture_transform": {}}}
-    names = ["KHR_texture_transform", "KHR_materials_unlit"]
+    names = ["KHR_texture_transform"]
     material = {"pbrMetallicRoughness": {"baseColorTexture": still}}
     wc.load(write(tmp_path, None, material, **image(tmp_path), extensionsRequired=names), device="cpu")
     assert not caplog.text

@@ -12,11 +12,13 @@ import pytest
 pytest.importorskip("trimesh")
 
 import warpcam as wc
+from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.files.gltf_textures import laid
 
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
 FACES = np.array([(0,), (1,), (2,), (0,), (2,), (3,)], np.uint16)
 KINDS = {"int8": 5120, "uint8": 5121, "int16": 5122, "uint16": 5123, "uint32": 5125, "float32": 5126}
-TYPES = {1: "SCALAR", 3: "VEC3"}
+TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 
 
 class Gltf:
@@ -125,3 +127,81 @@ def test_extensions_that_are_not_drawn(tmp_path: Path, caplog: pytest.LogCapture
         file.bounds(tmp_path)
     assert "KHR_materials_unlit, KHR_materials_transmission" in caplog.text
     assert "KHR_mesh_quantization" not in caplog.text
+
+
+def rows(matrix: np.ndarray) -> np.ndarray:
+    """A matrix as glTF stores it, column after column."""
+    return np.ascontiguousarray(matrix.T.reshape(1, 16), np.float32)
+
+
+def moved(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_skins_are_as_they_are_at_rest(tmp_path: Path, turned: bool) -> None:
+    """The right half of a square hangs on a joint that has moved since it was bound; the mesh's node has no effect."""
+    file = square()
+    file.primitive["attributes"]["JOINTS_0"] = file.accessor(np.array([(0, 1, 0, 0)] * 4, np.uint8))
+    weights = np.array([(1, 0, 0, 0), (0, 1, 0, 0), (0, 1, 0, 0), (1, 0, 0, 0)], np.float32)
+    file.primitive["attributes"]["WEIGHTS_0"] = file.accessor(weights)
+    binds = file.accessor(np.concatenate((rows(np.eye(4)), rows(moved(x=-1.0)))))
+    file.tree["nodes"] = [
+        {"mesh": 0, "skin": 0, "translation": [0, 50, 0]},
+        {"children": [2]},
+        {"translation": [4, 0, 0], **({"rotation": [0, 0, 1, 0]} if turned else {})},
+    ]
+    file.tree["scenes"] = [{"nodes": [0, 1]}]
+    file.tree["skins"] = [{"joints": [1, 2], "inverseBindMatrices": binds}]
+    # a corner (1, y) is (0, y) in the joint's frame: at (4, y), or turned about z at (4, -y)
+    assert file.bounds(tmp_path) == [[-1, -1, 0], [4, 1, 0]]
+
+
+def test_a_skin_blends_its_joints(tmp_path: Path) -> None:
+    file = square()
+    file.primitive["attributes"]["JOINTS_0"] = file.accessor(np.array([(0, 1, 0, 0)] * 4, np.uint16))
+    share = np.array([(64, 191, 0, 0)] * 4, np.uint8)
+    file.primitive["attributes"]["WEIGHTS_0"] = file.accessor(share, normalized=True)
+    file.tree["nodes"] = [{"mesh": 0, "skin": 0}, {}, {"translation": [0, 0, 255]}]
+    file.tree["scenes"] = [{"nodes": [0, 1, 2]}]
+    file.tree["skins"] = [{"joints": [1, 2]}]
+    assert file.bounds(tmp_path) == [[-1, -1, 191], [1, 1, 191]]
+
+
+UVS = np.array([(0.25, 0.5), (1.0, 0.0)], np.float32)
+TRANSFORMS: dict[str, tuple[dict[str, Any], list[tuple[float, float]]]] = {
+    "none": ({}, [(0.25, 0.5), (1.0, 0.0)]),
+    "offset": ({"offset": [0.5, -1.0]}, [(0.75, -0.5), (1.5, -1.0)]),
+    "scale": ({"scale": [2.0, 0.5]}, [(0.5, 0.25), (2.0, 0.0)]),
+    "a quarter turn, counter-clockwise in images": ({"rotation": np.pi / 2}, [(0.5, -0.25), (0.0, -1.0)]),
+    "all": ({"offset": [1.0, 1.0], "rotation": np.pi / 2, "scale": [2.0, 1.0]}, [(1.5, 0.5), (1.0, -1.0)]),
+}
+
+
+@pytest.mark.parametrize("kind", TRANSFORMS)
+def test_texture_coordinates_are_moved(kind: str) -> None:
+    transform, expected = TRANSFORMS[kind]
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
+    tree = {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": texture}}], "textures": [{}]}
+    found = laid(tree, 0, {"TEXCOORD_0": UVS}, WarningCollector("it"))
+    np.testing.assert_allclose(found["TEXCOORD_0"], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("by_extension", [False, True])
+def test_the_set_of_texture_coordinates_is_the_textures_own(by_extension: bool) -> None:
+    texture: dict[str, Any] = {"index": 0, "texCoord": 0 if by_extension else 1}
+    if by_extension:
+        texture["extensions"] = {"KHR_texture_transform": {"texCoord": 1}}
+    tree = {"materials": [{"pbrMetallicRoughness": {"baseColorTexture": texture}}], "textures": [{}]}
+    found = laid(tree, 0, {"TEXCOORD_0": UVS, "TEXCOORD_1": UVS + 2}, WarningCollector("it"))
+    np.testing.assert_array_equal(found["TEXCOORD_0"], UVS + 2)
+    assert set(found) == {"TEXCOORD_0"}
+
+
+def test_accessors_that_reach_beyond_their_buffer(tmp_path: Path) -> None:
+    file = square()
+    file.tree["accessors"][0]["count"] = 400
+    with pytest.raises(wc.WarpcamError, match="accessor 0: its 400 elements reach beyond the buffer's end"):
+        file.bounds(tmp_path)

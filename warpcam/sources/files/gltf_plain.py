@@ -1,194 +1,246 @@
-"""glTF files made plain for trimesh, which uses stored numbers as they are: accessors decoded by glTF 2.0, 3.6.2."""
+"""glTF files in plain words: what trimesh, which reads them, passes over is applied before.
 
-import base64
+The document is written again, as a binary file: every primitive has float32 attributes and indexed triangles, morph
+targets and skins are as they are at rest, instances are nodes, and texture coordinates are those of the material's
+textures, moved as KHR_texture_transform says.
+"""
+
+import copy
 import json
-from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.rotations import rotation_matrices
+from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.files.gltf_document import BINARY_CHUNK, JSON_CHUNK, MAGIC, Document
+from warpcam.sources.files.gltf_textures import laid
 
-TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
-SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-FLOAT = 5126
-MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", b"JSON", b"BIN\0"
-DATA = "data:"
-STRIP, FAN = 5, 6
-MORPHED = {"POSITION", "NORMAL"}
+TRIANGLES, STRIP, FAN = 4, 5, 6
+COMPRESSED = "KHR_draco_mesh_compression"
 INSTANCES = "EXT_mesh_gpu_instancing"
-MOVES = {"TRANSLATION": "translation", "ROTATION": "rotation", "SCALE": "scale"}
-DRACO = "KHR_draco_mesh_compression"
+SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
-def plain(data: bytes, get: Callable[[str], bytes]) -> bytes:
-    """GLB file with the content of a glTF file of either kind: one buffer, decoded numbers, lists of triangles.
-
-    Args:
-        data: The file.
-        get: Bytes of a file beside it, by a name without percent signs.
-    """
-    tree, binary = _parts(data)
-    blob, starts = bytearray(), []
-    for place, buffer in enumerate(tree.get("buffers", [])):
-        blob.extend(b"\0" * (-len(blob) % 4))
-        starts.append(len(blob))
-        uri = buffer.get("uri")
-        blob.extend(bytes_of(uri, get) if uri is not None else binary if place == 0 else b"")
-    for view in tree.get("bufferViews", []):
-        view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
-        view["buffer"] = 0
-    for image in tree.get("images", []):
-        if "uri" in image and not image["uri"].startswith(DATA):
-            image["uri"] = unquote(image["uri"])
-    file = _File(tree, blob)
-    packed = DRACO in tree.get("extensionsUsed", [])  # its accessors have no numbers of their own
-    for place, accessor in enumerate(tree.get("accessors", [])):
-        scaled = accessor.get("normalized") and accessor["componentType"] != FLOAT
-        if accessor.get("type") in SIZES and (
-            scaled or "sparse" in accessor or ("bufferView" not in accessor and not packed)
-        ):
-            file.replace(place, file.values(accessor))
-    file.deform()
-    file.instance()
-    for mesh in tree.get("meshes", []):
-        for primitive in mesh.get("primitives", []):
-            if primitive.get("mode") in (STRIP, FAN):
-                file.list_triangles(primitive)
-    if blob:
-        tree["buffers"] = [{"byteLength": len(blob)}]
-    return _glb(tree, bytes(blob))
+def plain(document: Document, collector: WarningCollector) -> bytes:
+    """The file again as trimesh reads it whole."""
+    return _Writer(document, collector).write()
 
 
-def bytes_of(uri: str, get: Callable[[str], bytes]) -> bytes:
-    if not uri.startswith(DATA):
-        return get(unquote(uri))
-    head, _, body = uri.partition(",")
-    return base64.b64decode(unquote(body)) if head.endswith(";base64") else unquote(body).encode("latin-1")
+class _Writer:
+    def __init__(self, document: Document, collector: WarningCollector):
+        self._document, self._collector = document, collector
+        self._tree: dict[str, Any] = copy.deepcopy(document.tree)
+        self._data = bytearray()
+        self._own: dict[Any, int] = {}  # meshes as a node has them
+        self._world = _world_matrices(self._tree.get("nodes") or [])
 
+    def write(self) -> bytes:
+        self._adopt_buffers()
+        self._adopt_images()
+        meshes = self._tree.get("meshes") or []
+        self._given = copy.deepcopy(meshes)
+        for mesh, given in zip(meshes, self._given, strict=True):
+            self._write_mesh(mesh, given, given.get("weights"), None)
+        for index, node in enumerate(list(self._tree.get("nodes") or [])):
+            if "mesh" in node:
+                self._rest(index, node)
+                self._spread(node)
+        self._tree["buffers"] = [{"byteLength": len(self._data)}]
+        text = json.dumps(self._tree).encode()
+        text += b" " * (-len(text) % 4)
+        body = bytes(self._data) + b"\0" * (-len(self._data) % 4)
+        chunks = b"".join(
+            len(part).to_bytes(4, "little") + kind.to_bytes(4, "little") + part
+            for part, kind in ((text, JSON_CHUNK), (body, BINARY_CHUNK))
+        )
+        return MAGIC + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
 
-class _File:
-    def __init__(self, tree: dict[str, Any], blob: bytearray):
-        self._tree, self._blob = tree, blob
+    def _adopt_buffers(self) -> None:
+        starts = []
+        for index in range(len(self._document.listed("buffers"))):
+            self._data += b"\0" * (-len(self._data) % 4)
+            starts.append(len(self._data))
+            self._data += self._document.buffer(index)
+        for view in self._tree.get("bufferViews") or []:
+            view["byteOffset"] = view.get("byteOffset", 0) + starts[view.get("buffer", 0)]
+            view["buffer"] = 0
 
-    def values(self, accessor: Mapping[str, Any]) -> np.ndarray:
-        """Numbers of an accessor, (count, components): floats where they are normalized."""
-        dtype, size, count = np.dtype(TYPES[accessor["componentType"]]), SIZES[accessor["type"]], accessor["count"]
-        array = np.zeros((count, size), dtype)
-        if "bufferView" in accessor:
-            array = self._stored(accessor["bufferView"], accessor.get("byteOffset", 0), dtype, count, size)
-        sparse = accessor.get("sparse")
-        if sparse:
-            where, given = sparse["indices"], sparse["values"]
-            kind = np.dtype(TYPES[where["componentType"]])
-            rows = self._stored(where["bufferView"], where.get("byteOffset", 0), kind, sparse["count"], 1)[:, 0]
-            if len(rows) and rows.max() >= count:
-                raise WarpcamError(f"sparse accessor: indices must be below {count}, got {rows.max()}")
-            array[rows] = self._stored(given["bufferView"], given.get("byteOffset", 0), dtype, sparse["count"], size)
-        if accessor.get("normalized") and dtype.kind in "iu":
-            return np.maximum(array / np.float64(np.iinfo(dtype.str).max), -1.0).astype(np.float32)
-        return array
+    def _adopt_images(self) -> None:
+        for image in self._tree.get("images") or []:
+            data = self._document.bytes_of(image.get("uri"))
+            if data is not None:
+                image["bufferView"] = self._view(data)
+                image.setdefault("mimeType", "image/png" if data[:4] == b"\x89PNG" else "image/jpeg")
+                del image["uri"]
 
-    def _stored(self, place: int, offset: int, dtype: np.dtype[Any], count: int, size: int) -> np.ndarray:
-        view = self._tree["bufferViews"][place]
-        step, first = view.get("byteStride", dtype.itemsize * size), view["byteOffset"] + offset
-        if count and first + step * (count - 1) + dtype.itemsize * size > len(self._blob):
-            raise WarpcamError(
-                f"bufferView {place}: {count} elements go past the {len(self._blob)} bytes of its buffer"
-            )
-        stored = np.ndarray((count, size), dtype.newbyteorder("<"), self._blob, first, (step, dtype.itemsize))
-        return stored.astype(dtype)
+    def _view(self, data: bytes) -> int:
+        self._data += b"\0" * (-len(self._data) % 4)
+        views = self._tree.setdefault("bufferViews", [])
+        views.append({"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)})
+        self._data += data
+        return len(views) - 1
 
-    def replace(self, place: int, array: np.ndarray) -> None:
-        accessor = self._tree["accessors"][place]
-        for key in ("sparse", "normalized", "byteOffset", "min", "max"):
-            accessor.pop(key, None)
-        self._blob.extend(b"\0" * (-len(self._blob) % 4))
-        view = {"buffer": 0, "byteOffset": len(self._blob), "byteLength": array.nbytes}
-        self._blob.extend(array.tobytes())
-        self._tree["bufferViews"] = [*self._tree.get("bufferViews", []), view]
-        accessor["bufferView"] = len(self._tree["bufferViews"]) - 1
-        accessor["componentType"] = next(code for code, kind in TYPES.items() if np.dtype(kind) == array.dtype)
-
-    def append(self, array: np.ndarray) -> int:
-        """Index of a new accessor, of (count, components) numbers."""
-        kind = next(name for name, size in SIZES.items() if size == array.shape[1])
-        self._tree.setdefault("accessors", []).append({"type": kind, "count": len(array)})
-        self.replace(len(self._tree["accessors"]) - 1, array)
+    def _accessor(self, values: np.ndarray) -> int:
+        code = 5125 if values.dtype.kind == "u" else 5126
+        values = np.ascontiguousarray(values, "<u4" if code == 5125 else "<f4")
+        entry: dict[str, Any] = {
+            "bufferView": self._view(values.tobytes()),
+            "componentType": code,
+            "count": len(values),
+        }
+        entry["type"] = SHAPES[values.shape[1]]
+        if values.shape[1] == 3 and len(values):
+            entry["min"], entry["max"] = values.min(axis=0).tolist(), values.max(axis=0).tolist()
+        self._tree.setdefault("accessors", []).append(entry)
         return len(self._tree["accessors"]) - 1
 
-    def deform(self) -> None:
-        """Add morph targets by their weights at rest: those of a node, else those of its mesh."""
-        meshes = self._tree.get("meshes", [])
-        for node in self._tree.get("nodes", []):
-            if "mesh" not in node or not any(part.get("targets") for part in meshes[node["mesh"]]["primitives"]):
+    def _write_mesh(self, mesh: dict[str, Any], given: dict[str, Any], weights: Any, matrices: Any) -> None:
+        name = str(mesh.get("name") or "a mesh")
+        for primitive, source in zip(mesh.get("primitives") or [], given.get("primitives") or [], strict=True):
+            if COMPRESSED in (source.get("extensions") or {}):
                 continue
-            mesh = meshes[node["mesh"]]
-            weights = node.get("weights", mesh.get("weights", []))
-            meshes.append({**mesh, "primitives": [self._deformed(part, weights) for part in mesh["primitives"]]})
-            node["mesh"] = len(meshes) - 1
+            arrays = {
+                key: self._document.accessor(index).astype(np.float32)
+                for key, index in (source.get("attributes") or {}).items()
+                if not key.startswith(("JOINTS_", "WEIGHTS_", "_"))
+            }
+            if "POSITION" not in arrays:
+                self._collector.warn("has a primitive without positions, which is not drawn", name)
+            for weight, target in zip(weights or [], source.get("targets") or [], strict=False):
+                for key, index in target.items():
+                    if key in arrays and weight:
+                        moved = self._document.accessor(index).astype(np.float32)
+                        arrays[key][:, : moved.shape[1]] += np.float32(weight) * moved
+            if matrices is not None:
+                _skin(arrays, matrices(source))
+            count = len(arrays.get("POSITION", ()))
+            triangles = self._triangles(source, count, name)
+            if triangles is not None:
+                primitive["mode"] = TRIANGLES
+                primitive["indices"] = self._accessor(triangles.reshape(-1, 1))
+            elif "indices" in source:
+                primitive["indices"] = self._accessor(self._document.accessor(source["indices"]).astype(np.uint32))
+            arrays = laid(self._tree, source.get("material"), arrays, self._collector)
+            if arrays.get("COLOR_0", np.ones((1, 3)))[:, 3:].min(initial=1.0) < 1.0:
+                self._collector.warn("has colours of corners with an alpha, which is not drawn", name)
+            primitive["attributes"] = {key: self._accessor(values) for key, values in arrays.items()}
+            primitive.pop("targets", None)
+        mesh.pop("weights", None)
 
-    def _deformed(self, primitive: Mapping[str, Any], weights: Sequence[float]) -> dict[str, Any]:
-        attributes, accessors = dict(primitive["attributes"]), self._tree["accessors"]
-        for name in MORPHED & set(attributes):
-            moves = [
-                weight * self.values(accessors[target[name]])
-                for weight, target in zip(weights, primitive.get("targets", []), strict=False)
-                if weight and name in target
-            ]
-            if moves:
-                attributes[name] = self.append(
-                    (self.values(accessors[attributes[name]]) + sum(moves)).astype(np.float32)
-                )
-        return {**primitive, "attributes": attributes}
-
-    def instance(self) -> None:
-        """Put a node below each with EXT_mesh_gpu_instancing for each of its instances."""
-        nodes = self._tree.get("nodes", [])
-        for node in list(nodes):
-            given = node.get("extensions", {}).get(INSTANCES, {}).get("attributes", {})
-            places = {MOVES[name]: self.values(self._tree["accessors"][given[name]]) for name in MOVES if name in given}
-            if not places or "mesh" not in node:
-                continue
-            mesh, first = node.pop("mesh"), len(nodes)
-            nodes.extend(
-                {"mesh": mesh, **{name: [float(x) for x in rows[at]] for name, rows in places.items()}}
-                for at in range(min(map(len, places.values())))
-            )
-            node["children"] = [*node.get("children", []), *range(first, len(nodes))]
-
-    def list_triangles(self, primitive: dict[str, Any]) -> None:
-        accessors = self._tree["accessors"]
+    def _triangles(self, primitive: dict[str, Any], count: int, name: str) -> np.ndarray | None:
+        """Corners of the primitive's triangles, (triangle, 3) uint32; None if it has none."""
+        mode = primitive.get("mode", TRIANGLES)
+        if mode not in (TRIANGLES, STRIP, FAN):
+            return None
         if "indices" in primitive:
-            line = self.values(accessors[primitive["indices"]])[:, 0].astype(np.uint32)
+            corners = self._document.accessor(primitive["indices"]).reshape(-1).astype(np.int64)
         else:
-            line = np.arange(accessors[primitive["attributes"]["POSITION"]]["count"], dtype=np.uint32)
-        at = np.arange(max(len(line) - 2, 0))
-        if primitive["mode"] == FAN:
-            corners = np.stack((at + 1, at + 2, 0 * at), axis=1)
+            corners = np.arange(count)
+        if len(corners) and corners.max() >= count:
+            raise WarpcamError(
+                f"{self._document.path}: mesh '{name}': faces must be indices from 0 to {count - 1}, "
+                f"got {corners.max()}"
+            )
+        if mode == TRIANGLES:
+            return corners[: len(corners) // 3 * 3].reshape(-1, 3).astype(np.uint32)
+        steps = np.arange(max(len(corners) - 2, 0))
+        if mode == STRIP:
+            places = np.stack((steps, steps + 1 + steps % 2, steps + 2 - steps % 2), axis=1)
         else:
-            corners = np.stack((at, at + 1 + at % 2, at + 2 - at % 2), axis=1)
-        indices = line[corners].reshape(-1, 1)
-        primitive["indices"], primitive["mode"] = self.append(indices), 4
+            places = np.stack((steps + 1, steps + 2, np.zeros_like(steps)), axis=1)
+        return corners[places].astype(np.uint32)
+
+    def _rest(self, index: int, node: dict[str, Any]) -> None:
+        """Give a node a mesh of its own where its weights or its skin make one."""
+        weights, skin, place = node.get("weights"), node.pop("skin", None), node["mesh"]
+        if (weights is None and skin is None) or not 0 <= place < len(self._given):
+            return
+        key = (place, None if weights is None else tuple(weights), skin, index if skin is not None else None)
+        if key not in self._own:
+            mesh = copy.deepcopy(self._given[place])
+            chosen = weights if weights is not None else mesh.get("weights")
+            joints = None if skin is None else self._joints(skin, index)
+            matrices = None if joints is None else lambda source: self._blended(source, joints)
+            self._write_mesh(mesh, self._given[place], chosen, matrices)
+            self._tree["meshes"].append(mesh)
+            self._own[key] = len(self._tree["meshes"]) - 1
+        node["mesh"] = self._own[key]
+
+    def _joints(self, skin: int, index: int) -> np.ndarray:
+        """Matrices of a skin's joints at rest, (joint, 4, 4), to the frame of the node that has the mesh."""
+        entry = self._document.listed("skins")[skin]
+        joints = np.stack([self._world[joint] for joint in entry["joints"]])
+        if "inverseBindMatrices" in entry:
+            columns = self._document.accessor(entry["inverseBindMatrices"]).reshape(-1, 4, 4).astype(np.float64)
+            joints = joints @ columns[: len(joints)].transpose(0, 2, 1)
+        return np.linalg.pinv(self._world[index]) @ joints
+
+    def _blended(self, primitive: dict[str, Any], joints: np.ndarray) -> np.ndarray:
+        """A matrix for each vertex, (vertex, 4, 4)."""
+        attributes = primitive.get("attributes") or {}
+        total, matrices = np.zeros(1), np.zeros((1, 4, 4))
+        for number in range(len(attributes)):
+            if f"JOINTS_{number}" not in attributes or f"WEIGHTS_{number}" not in attributes:
+                break
+            which = self._document.accessor(attributes[f"JOINTS_{number}"]).astype(np.int64)
+            weights = self._document.accessor(attributes[f"WEIGHTS_{number}"]).astype(np.float64)
+            which = np.clip(which, 0, len(joints) - 1)
+            matrices = matrices + np.einsum("vk,vkij->vij", weights, joints[which])
+            total = total + weights.sum(axis=1)
+        return np.where((total > 0.0)[:, None, None], matrices / np.maximum(total, 1e-12)[:, None, None], np.eye(4))
+
+    def _spread(self, node: dict[str, Any]) -> None:
+        """Make nodes of a node's instances."""
+        found = (node.get("extensions") or {}).get(INSTANCES)
+        if not isinstance(found, dict):
+            return
+        arrays = {key: self._document.accessor(index) for key, index in (found.get("attributes") or {}).items()}
+        nodes, mesh = self._tree["nodes"], node.pop("mesh")
+        for place in range(max((len(values) for values in arrays.values()), default=0)):
+            instance: dict[str, Any] = {"mesh": mesh, "name": f"{node.get('name') or 'instance'} {place}"}
+            for key, word in (("TRANSLATION", "translation"), ("ROTATION", "rotation"), ("SCALE", "scale")):
+                if key in arrays:
+                    instance[word] = arrays[key][place].astype(float).tolist()
+            nodes.append(instance)
+            node.setdefault("children", []).append(len(nodes) - 1)
 
 
-def _parts(data: bytes) -> tuple[dict[str, Any], bytes]:
-    if data[:4] != MAGIC:
-        return dict(json.loads(data)), b""
-    parts: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(data):
-        length = int.from_bytes(data[at : at + 4], "little")
-        parts.setdefault(data[at + 4 : at + 8], data[at + 8 : at + 8 + length])
-        at += 8 + length
-    return dict(json.loads(parts[JSON_CHUNK])), parts.get(BINARY_CHUNK, b"")
+def _skin(arrays: dict[str, np.ndarray], matrices: np.ndarray) -> None:
+    """Move positions and normals by a matrix for each vertex, in place."""
+    linear = matrices[:, :3, :3]
+    if "POSITION" in arrays:
+        places = arrays["POSITION"].astype(np.float64)
+        arrays["POSITION"] = np.asarray((linear @ places[..., None])[..., 0] + matrices[:, :3, 3], np.float32)
+    if "NORMAL" in arrays:
+        normals = (np.linalg.pinv(linear).transpose(0, 2, 1) @ arrays["NORMAL"].astype(np.float64)[..., None])[..., 0]
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        arrays["NORMAL"] = np.asarray(normals / np.maximum(length, 1e-12), np.float32)
 
 
-def _glb(tree: Mapping[str, Any], blob: bytes) -> bytes:
-    text = json.dumps(tree).encode()
-    text, blob = text + b" " * (-len(text) % 4), blob + b"\0" * (-len(blob) % 4)
-    parts = len(text).to_bytes(4, "little") + JSON_CHUNK + text
-    if blob:
-        parts += len(blob).to_bytes(4, "little") + BINARY_CHUNK + blob
-    return MAGIC + (2).to_bytes(4, "little") + (12 + len(parts)).to_bytes(4, "little") + parts
+def _world_matrices(nodes: list[dict[str, Any]]) -> list[np.ndarray]:
+    """Matrices of all nodes at rest to the scene's frame."""
+    parents = {child: place for place, node in enumerate(nodes) for child in node.get("children") or []}
+    found: dict[int, np.ndarray] = {}
+
+    def world(place: int, depth: int = 0) -> np.ndarray:
+        if place not in found:
+            local, parent = _local(nodes[place]), parents.get(place)
+            above = np.eye(4) if parent is None or depth > len(nodes) else world(parent, depth + 1)
+            found[place] = above @ local
+        return found[place]
+
+    return [world(place) for place in range(len(nodes))]
+
+
+def _local(node: dict[str, Any]) -> np.ndarray:
+    if "matrix" in node:
+        return np.asarray(node["matrix"], np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    matrix[:3, :3] = rotation_matrices(np.array([[w, x, y, z]], np.float64))[0] * np.asarray(
+        node.get("scale", (1, 1, 1))
+    )
+    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return matrix

@@ -35,6 +35,7 @@ from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, 
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.files import gltf_plain, gltf_unsupported, mtl, stl
+from warpcam.sources.files.gltf_document import Document
 from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
 
@@ -85,8 +86,9 @@ def read_graph(
                 data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
                 source = io.BytesIO(data)
             elif kind in GLTF:
-                gltf_unsupported.tell(path, collector)
-                source, kind = io.BytesIO(gltf_plain.plain(path.read_bytes(), resolver.get)), ".glb"
+                document = Document(path)
+                gltf_unsupported.tell(document, collector)
+                source, kind = io.BytesIO(gltf_plain.plain(document, collector)), ".glb"
             scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
         except WarpcamError:
             raise
