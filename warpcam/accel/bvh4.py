@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from warpcam.accel import tree_cache
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.build import bvh4 as bvh4_build
 from warpcam.kernels.runtime.cpu_pool import cpu_threads
@@ -46,9 +47,8 @@ class Bvh4:
 def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, cache: bool = True) -> list[Bvh4]:
     """Build the tree of each mesh, on all cores, or read it from the cache.
 
-    The cache is a folder of files named by content: ``$WARPCAM_CACHE_DIR``, else ``$XDG_CACHE_HOME/warpcam``, else
-    ``~/.cache/warpcam``. A file there that is not whole and the mesh's own is ignored and written again; a folder
-    that cannot be written means no cache.
+    ``tree_cache.py`` has the folder of files, named by content. A file there that is not whole and the mesh's own is
+    ignored and written again; a folder that cannot be written means no cache.
 
     Args:
         meshes: Of each its vertices, (vertex, 3) float32, finite, magnitudes below 1e18 [m]; its faces, (face, 3)
@@ -60,7 +60,7 @@ def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, 
         WarpcamError: An argument is not as described.
     """
     checked = [_checked(*mesh) for mesh in meshes]
-    folder = cache_folder() if cache else None
+    folder = tree_cache.folder() if cache and tree_cache.limit() else None
     places = [_place(folder, *arrays) for arrays in checked]
     found = [
         _read(*place, len(faces)) if place is not None else None if len(faces) else _empty()
@@ -75,6 +75,8 @@ def build_bvh4s(meshes: Sequence[tuple[np.ndarray, np.ndarray, str | None]], *, 
         found[k] = tree
         if (place := places[k]) is not None:
             _write(*place, tree)
+    if folder is not None and missing:
+        tree_cache.trim(folder)
     return [tree for tree in found if tree is not None]
 
 
@@ -83,7 +85,7 @@ def _place(folder: Path | None, vertices: np.ndarray, faces: np.ndarray) -> tupl
     if folder is None or len(faces) <= CACHED_ABOVE:
         return None
     key = _key(vertices, faces)
-    return folder / "bvh4" / key.hex(), key
+    return folder / tree_cache.TREES / key.hex(), key
 
 
 def _checked(vertices: np.ndarray, faces: np.ndarray, name: str | None) -> tuple[np.ndarray, np.ndarray]:
@@ -130,20 +132,6 @@ def _key(vertices: np.ndarray, faces: np.ndarray) -> bytes:
     return digest.digest()
 
 
-def cache_folder() -> Path | None:
-    """Return the folder of cached trees, or None for no cache."""
-    own = os.environ.get("WARPCAM_CACHE_DIR")
-    if own:
-        return Path(own)
-    shared = os.environ.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(shared):  # the XDG specification has relative ones ignored
-        return Path(shared) / "warpcam"
-    try:
-        return Path.home() / ".cache" / "warpcam"
-    except RuntimeError:
-        return None
-
-
 def _read(path: Path, key: bytes, num_faces: int) -> Bvh4 | None:
     """The tree in a cache file; None unless the file is, to the last bit, what `_write` wrote for this key."""
     head_bytes = len(_MAGIC) + len(key) + _SIZES.size
@@ -171,6 +159,7 @@ def _read(path: Path, key: bytes, num_faces: int) -> Bvh4 | None:
         return None
     if len(body) != body_bytes or hashlib.sha256(head + body).digest() != digest:
         return None
+    tree_cache.touch(path)
     rows = np.frombuffer(body, np.float32).reshape(-1, 4)
     return Bvh4(rows[:node_rows], rows[node_rows:], depth)
 

@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it in a browser, ``bench``, and ``doctor``."""
+"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it, ``bench``, ``doctor`` and ``cache``."""
 
 import argparse
 import re
@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam import visualize
+from warpcam.accel import tree_cache
 from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.core.device import resolve
@@ -84,7 +85,23 @@ def _parser() -> argparse.ArgumentParser:
     examined.set_defaults(command=doctor.run)
     examined.add_argument("--json", action="store_true", help="print it for programs")
     examined.add_argument("--plan", action="store_true", help="print the kernels of the self test, too")
+
+    about = "show or empty the folder of cached trees; WARPCAM_CACHE_DIR says where it is, WARPCAM_CACHE_SIZE its limit"
+    cache = commands.add_parser("cache", help="show or empty the folder of cached trees", description=about)
+    cache.set_defaults(command=_cache)
+    cache.add_argument("action", choices=("show", "clear"), nargs="?", default="show", help="default: %(default)s")
     return parser
+
+
+def _cache(options: argparse.Namespace) -> int:
+    folder = tree_cache.folder()
+    if folder is None:
+        print("there is no folder of cached trees")
+    elif options.action == "clear":
+        print(f"{tree_cache.trim(folder, 0):,} bytes removed from {folder}")
+    else:
+        print(f"{tree_cache.size(folder):,} of {tree_cache.limit():,} bytes used in {folder}")
+    return 0
 
 
 def _add_scene(command: argparse.ArgumentParser, worlds: int, size: str) -> None:

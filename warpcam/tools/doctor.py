@@ -17,7 +17,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from warpcam.accel.bvh4 import cache_folder
+from warpcam.accel import tree_cache
 from warpcam.core import device as device_rule
 from warpcam.kernels.runtime.cpu_pool import cpu_threads, parse_positive_int
 from warpcam.tools import self_test
@@ -146,7 +146,7 @@ def examine(devices: Sequence[wp.Device], said: Callable[[str], None] = lambda _
             "torch": torch.version.cuda,
             "torch_gpus": torchs,
         },
-        caches={"kernels": str(wp.config.kernel_cache_dir), "trees": str(cache_folder() or "none")},
+        caches={"kernels": str(wp.config.kernel_cache_dir), "trees": _trees()},
         devices=[_card(device) for device in devices],
         environment=environment,
         renders=renders,
@@ -300,9 +300,18 @@ def _remarks(environment: Sequence[Variable]) -> list[str]:
     return remarks
 
 
+def _trees() -> str:
+    """The folder of trees, what lies in it and what may."""
+    folder = tree_cache.folder()
+    if folder is None or not tree_cache.limit():
+        return "none"
+    used, most = tree_cache.size(folder) / 2**20, tree_cache.limit() / 2**20
+    return f"{folder}, {used:,.1f} of {most:,.1f} MiB"
+
+
 def _why_no_trees() -> str | None:
     """Why nothing can be kept in the folder of trees; None if it can."""
-    folder = cache_folder()
+    folder = tree_cache.folder()
     if folder is None:
         return "there is no home folder"
     try:
