@@ -164,6 +164,7 @@ def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.arra
     if lens.clipping == CLIP_ZERO:
         view.miss = 0.0
     seeing = scale[0] > 0.0 and scale[1] > 0.0 and near >= 0.0 and far > near
+    seeing = seeing and wp.ddot(rotation, rotation) > 0.0  # 0: kinematics never ran
     if seeing and is_finite(position, rotation, scale, center):
         view.origin = position
         view.rotation = rotation

@@ -1,6 +1,7 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
 import itertools
+import logging
 import threading
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -66,7 +67,8 @@ class Renderer:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
-            number or made no image. Such a world's images show the background; no other world is touched.
+            number or made no image, as a camera's rotation of 0 makes none. The first frame's are told in a warning.
+            Such a world's images show the background; no other world is touched.
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
@@ -114,6 +116,7 @@ class Renderer:
             key: CameraArrays(self._cameras[key].where, binding.arrays) for key, binding in self._bindings.items()
         }
         self._tables: SceneTables | None = None
+        self._is_checked = False  # the first frame's faults have been told
         # What is drawn by the scene's stages, the last used at the end.
         self._recordings: dict[tuple[Stage, ...], Recording] = {}
         self._bind(tables)
@@ -152,6 +155,8 @@ class Renderer:
             if tables is not self._tables or self._scene.clock() is not self._clock:
                 self._bind(tables)
             self._run(worlds is None, capturing)
+            if not (self._is_checked or capturing):
+                self._tell_faults()
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -207,6 +212,18 @@ class Renderer:
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
+    def _tell_faults(self) -> None:
+        """Warn, after the first frame, of worlds without an image: most often their state was never forwarded."""
+        self._is_checked = True
+        if count := int(np.count_nonzero(self._faults.numpy())):
+            logging.getLogger("warpcam").warning(
+                "render: %d of %d worlds made no image, see Renderer.faulty: a pose, size or lens is not a number, or "
+                "a camera's rotation is 0, as in a state whose kinematics never ran. Run mj_forward, "
+                "mujoco_warp.forward or newton.eval_fk first, or call render(forward=True)",
+                count,
+                self._scene.num_worlds,
+            )
 
     def _key(self, camera: str | int) -> str | int:
         if camera not in tuple(self._cameras):
