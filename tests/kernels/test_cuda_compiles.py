@@ -129,7 +129,8 @@ def test_of_planes_from_behind(outputs: tuple[str, ...], mesh: bool, card: list[
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, backs=True)
     assert _compile(card, tmp_path) >= 2
     traces = [path.read_text() for path in tmp_path.glob("*visibility*/*.cu")]
-    told = [int(re.findall(r"draw\w*<(\d+)", code)[0]) & SceneFlag.PLANES_FROM_BEHIND != 0 for code in traces]
+    flags = [int(re.findall(r"draw\w*<warpcam::SceneTypes<\d+, (\d+)>", code)[0]) for code in traces]
+    told = [each & SceneFlag.PLANES_FROM_BEHIND != 0 for each in flags]
     assert sorted(told) == ([False, True] if "rgb" in outputs else [True])
 
 

@@ -165,6 +165,7 @@ def test_textures_that_are_not_loaded_are_not_read(device: wp.Device, kind: Any,
     config = kind.RenderConfig(enable_textures=True)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.simplefilter("ignore", DeprecationWarning)  # of the older class
         sensor = kind(builder.finalize(device=device), default_render_config=config, load_textures=False)
     assert not caplog.records and sensor.default_render_config is config and config.enable_textures
 

@@ -20,7 +20,7 @@ from warpcam.compat.isaacgym.api.property_types import ForceSensorProperties, Te
 from warpcam.compat.isaacgym.assets.merge_fixed_joints import Builder
 from warpcam.compat.isaacgym.assets.mjcf import MjcfDetails
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.newton import urdf
+from warpcam.sources.common.optional import import_source
 
 JOINT = newton.JointType
 MODE = newton.JointTargetMode
@@ -181,7 +181,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
     builder = Builder(up_axis=newton.Axis.Z)
     builder.default_shape_cfg.density = _density(options, "load_asset")
     readers: dict[str, Callable[[], Any]] = {
-        ".urdf": lambda: urdf.add_urdf(
+        ".urdf": lambda: import_source("newton.urdf", "meshes").add_urdf(
             lambda text: builder.add_urdf(text, floating=not options.fix_base_link),
             builder,
             path,
