@@ -66,9 +66,9 @@ def add_urdf(
     try:
         robot = ElementTree.fromstring(path.read_bytes())
     except (ElementTree.ParseError, UnicodeError) as error:
-        raise WarpcamError(f"{path}: is no URDF file: {error}") from None
+        raise WarpcamError(f"{path}: cannot be read, it is no URDF file: {error}") from None
     if robot.tag != "robot":
-        raise WarpcamError(f"{path}: is no URDF file: its root is <{robot.tag}>, not <robot>")
+        raise WarpcamError(f"{path}: cannot be read, it is no URDF file: its root is <{robot.tag}>, not <robot>")
     if robot.find("link") is None:
         raise WarpcamError(f"{path}: has no links, so there is nothing to simulate or to draw")
     if in_order:
