@@ -50,6 +50,7 @@ VARIABLES: Mapping[str, str | Callable[[], str]] = {
     "CUDA_LAUNCH_BLOCKING": "1 waits for every kernel: slow, and for debugging only",
     "WARP_CACHE_PATH": "where Warp keeps compiled kernels",
     "WARPCAM_CACHE_DIR": "where trees of large meshes are kept",
+    "WARPCAM_CACHE_SIZE": "how large their folder may be, 2 GiB unless set",
     "WARPCAM_CPU_THREADS": lambda: f"a frame on the CPU is split over {cpu_threads()} threads",
 }
 
