@@ -187,7 +187,7 @@ template <int LENS> struct RayLanes {
     }
 };
 
-// Spread ones are read first, or what follows would not become vector code.
+// Offset rays are read first, or what follows would not become vector code.
 template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     float start[3][WARP_SIZE], direction[3][WARP_SIZE];
 
