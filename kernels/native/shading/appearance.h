@@ -46,8 +46,8 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
     static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
-    static constexpr bool TURNED = IMAGES & NORMALS;
-    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+    static constexpr bool WORLD_NORMALS = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || WORLD_NORMALS;
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
     static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
     static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
@@ -107,7 +107,7 @@ template <class Types, class Wants> struct ShapeAppearance : conditional_t<Wants
     static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
     using Finish_ = conditional_t<JOINT, JointFinish, ResolvedMaterial>;
     optional_t<Wants::COLORED, conditional_t<Wants::COATED, PbrMaterial, Finish_>> finish;
-    optional_t<Wants::TURNED, ShapeToWorldRotation> turn;
+    optional_t<Wants::WORLD_NORMALS, ShapeToWorldRotation> turn;
     optional_t<Wants::TEXTURED, TextureLayout> layout;
     optional_t<Wants::FACETED && Types::has(PLANE), PlaneGrid> cells;
 };
@@ -287,7 +287,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
     ShapeAppearance<Types, Wants> look;
     if constexpr (Wants::SURFACE)
         look.pose = load_pose<Types>(shapes, meshes, camera, world, id);
-    if constexpr (Wants::TURNED)
+    if constexpr (Wants::WORLD_NORMALS)
         look.turn = load_turn(shapes, world, id);
     if constexpr (Wants::COLORED && !Wants::COATED) {
         const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);

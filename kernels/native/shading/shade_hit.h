@@ -131,7 +131,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         const Vec3 local = locate_hit<LENS>(pose, x, y, depth, place, ray);
         surface = surface_at<Types>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
-    if constexpr (Wants::TURNED) {
+    if constexpr (Wants::WORLD_NORMALS) {
         if constexpr (Types::has(LIT_NORMALS))
             shown.normal = look.turn.world(smooth_normal<Types>(look.pose, scene.meshes, surface));
         else
