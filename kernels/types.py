@@ -162,8 +162,8 @@ class Textures:
     # (texel,) R | G << 8 | B << 16 | A << 24, display values. Level after level; a level of a cube holds its six
     # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
     texels: wp.array(dtype=wp.uint32)
-    sheets: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its sheet, or 0: accel/sheets.py
-    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one: accel/mips.py
+    atlases: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its mip atlas; 0: none
+    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one
 
 
 @wp.struct

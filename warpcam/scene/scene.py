@@ -77,7 +77,7 @@ class Scene:
         types, spare = set(seen), has_plane_path(set(seen), len(seen))
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, len(seen)) and not parts.physical):
-            self._sheets = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
+            self._mip_atlases = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
             if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
