@@ -165,7 +165,7 @@ class Scene:
         run(self.stages())
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
         parts, clouds = self._parts, self._splats
-        corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
+        corners = self._meshes.bounds_min.numpy(), self._meshes.bounds_max.numpy()
         splats = None if clouds is None else (clouds.lower, clouds.upper)
         return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
 

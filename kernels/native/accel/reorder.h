@@ -179,7 +179,7 @@ WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const
     WARPCAM_SHARED float room[6 * THREADS];
     WARPCAM_SHARED int starts[DIGITS * THREADS];
     const int age = moving.ages.data[instance], share = age % MEASURE_PERIOD;
-    const float known = moving.looseness.data[instance];
+    const float as_ordered = moving.looseness.data[instance];
     float boxes, alone;
     measure(moving, meshes, wp::index(moving.assets, instance), share, room, thread, boxes, alone);
     if (share > 0) {
@@ -196,10 +196,10 @@ WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const
         || age < MEASURE_PERIOD)  // in the first frames the measurement may have begun in the middle
         return;
     const float now = boxes / max(alone, MIN_NORMAL);
-    const bool decayed = known >= 0.0f && now > DECAYED * known;
+    const bool decayed = as_ordered >= 0.0f && now > DECAYED * as_ordered;
     if (decayed)
         deal_out(moving, meshes, points, instance, room, starts, thread);
-    if (thread == 0 && (decayed || known < 0.0f))
+    if (thread == 0 && (decayed || as_ordered < 0.0f))
         moving.looseness.data[instance] = decayed ? UNKNOWN : now;
 }
 

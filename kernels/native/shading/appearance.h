@@ -186,7 +186,7 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
     if (type == CAPSULE || type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)))
         return { size.x, size.x, size.y };
     if (Types::has(MESH) && type == MESH && asset >= 0) {
-        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
     }
     if (Types::has(HEIGHT_FIELD) && type == HEIGHT_FIELD && asset >= 0) {
