@@ -73,17 +73,16 @@ class Shapes:
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
-    colors: wp.array2d(
-        dtype=wp.vec4
-    )  # (world*, shape) RGBA; native/shading/appearance.h, load_finish() says how it meets the material
+    # (world*, shape) RGBA; how it meets the material: load_material() of native/shading/resolved_material.h
+    colors: wp.array2d(dtype=wp.vec4)
 
 
 @wp.struct
 class Meshes:
     """Triangle meshes in their own frames, shared by all worlds, all in the same few arrays."""
 
-    lower: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
-    upper: wp.array(dtype=wp.vec3)  # (mesh,)
+    bounds_min: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
+    bounds_max: wp.array(dtype=wp.vec3)  # (mesh,)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
@@ -162,8 +161,8 @@ class Textures:
     # (texel,) R | G << 8 | B << 16 | A << 24, display values. Level after level; a level of a cube holds its six
     # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
     texels: wp.array(dtype=wp.uint32)
-    sheets: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its sheet, or 0: accel/sheets.py
-    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one: accel/mips.py
+    atlases: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its mip atlas; 0: none
+    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one
 
 
 @wp.struct

@@ -220,11 +220,11 @@ class CameraBinding:
         self._table.assign(np.broadcast_to(packed, self._table.shape))
         self._handles.assign(self._handles_of(widths))
 
-    def _packed(self, lens: RayTableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
-        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is of each."""
+    def _packed(self, lens: RayTableLens, has_origins: bool) -> tuple[np.ndarray, list[float]]:
+        """A lens's tables, with places where rays begin if it ``has_origins``, and how wide a pixel is of each."""
         size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
         rays = lens.rays(*size)
-        if not spread:
+        if not has_origins:
             return pack_rays(rays), [pixel_angle(one) for one in rays]
         rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
         widths = [offset_pixel_width(one, begin) for one, begin in zip(rays, starts, strict=True)]

@@ -99,11 +99,11 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
                 return cost;
             if (is_face) {
                 const int its = int(seen.centres.target.face.data[seen.centres.of_images(pixel)]);
-                return cost + TURNED * (1.0f - dot(normal, normal_of(its)));
+                return cost + NORMAL_WEIGHT * (1.0f - dot(normal, normal_of(its)));
             }
             const auto its =
                 view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
-            return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
+            return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + NORMAL_WEIGHT;
         };
         float least = cost_of(best_at, MISS);
         while (true) {

@@ -140,7 +140,7 @@ template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const 
     return face;
 }
 
-// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, turned) selects as
+// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, normal_cost) selects as
 // EdgeTester::shown() does. Two surfaces that meet in an edge are near each other in depth, but differ in colour: so
 // the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
 // side. `record` is that of the shape hit, `edge` the pixel's edge().
@@ -160,17 +160,17 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
     if (is_face)
         normal = face_normal(meshes, rows, face);
     const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
-    const auto turned = [&](int column, int row, unsigned pixel) {
+    const auto normal_cost = [&](int column, int row, unsigned pixel) {
         if (is_face)
-            return TURNED
+            return NORMAL_WEIGHT
                    * (1.0f
                       - dot(normal, face_normal(meshes, rows,
                                                 int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
         return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
                    ? 0.0f
-                   : TURNED;
+                   : NORMAL_WEIGHT;
     };
-    return show(is_face || is_sided || type == HEIGHT_FIELD, turned);
+    return show(is_face || is_sided || type == HEIGHT_FIELD, normal_cost);
 }
 
 template <class Types, int IMAGES, int LENS, class Meshes, class Centres>
@@ -179,8 +179,8 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
                                 unsigned edge)
 {
     return shown_sample<Types>(
-        seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {
-            return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, turned);
+        seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& normal_cost) {
+            return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, normal_cost);
         });
 }
 

@@ -1,6 +1,6 @@
 // Rays of a table that each begin at a place of its own: two rows of it for each pixel, see camera/ray_table.h.
 //
-// A ray of another lens is two numbers, x and y, and they are all that is passed on of it. Those of a spread ray are
+// A ray of another lens is two numbers, x and y, and they are all that is passed on of it. Those of an offset ray are
 // the bits of its rows' address, whose lowest ones say which of the pixel's samples it is: wherever rays are met, what
 // they are is read.
 #pragma once
@@ -11,8 +11,8 @@
 namespace warpcam {
 
 // Bits of a pixel: which of those beside it its view goes on into, or that it sees nothing.
-enum SpreadBit { LINKED_LEFT = 1, LINKED_RIGHT = 2, LINKED_UP = 4, LINKED_DOWN = 8, BLIND_PIXEL = 16 };
-constexpr int SPREAD_ROWS = 2;  // start, with the bits; unit direction, with how many pixels a row of the image has
+enum OffsetRayBit { LINKED_LEFT = 1, LINKED_RIGHT = 2, LINKED_UP = 4, LINKED_DOWN = 8, PIXEL_WITHOUT_RAY = 16 };
+constexpr int OFFSET_RAY_ROWS = 2;  // start, with the bits; unit direction, with how many pixels a row of the image has
 
 // A ray in the camera's frame, or how that changes from pixel to pixel.
 struct OffsetRay {
@@ -46,7 +46,7 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
                  normalized(as_vec3(along) + offset.right * right.direction + offset.down * under.direction) };
     }
     WARPCAM_DEVICE Vec3 direction() const { return beam().direction; }
-    WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & BLIND_PIXEL; }
+    WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & PIXEL_WITHOUT_RAY; }
 
     // To the next pixel across, and down: over both sides that are linked.
     WARPCAM_DEVICE OffsetRay across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
@@ -71,7 +71,7 @@ private:
     WARPCAM_DEVICE OffsetRay step(int pixels, int before, int after) const
     {
         const Float3Int* const rows = own_rows();
-        const int links = load(rows, 0).w & (before | after), length = SPREAD_ROWS * pixels;
+        const int links = load(rows, 0).w & (before | after), length = OFFSET_RAY_ROWS * pixels;
         const Float3Int *const from = links & before ? rows - length : rows, *const to =
                                                                                  links & after ? rows + length : rows;
         const float rate = links == (before | after) ? 0.5f : 1.0f;

@@ -57,7 +57,7 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
     if (Types::has(MESH) && shape.type == MESH) {
         if (asset < 0)
             return false;
-        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         extent.center = { 0.5f * (lo[0] + hi[0]), 0.5f * (lo[1] + hi[1]), 0.5f * (lo[2] + hi[2]) };
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
         record.size.x = max(max(abs(lo[0]), abs(hi[0])), max(max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2]))));

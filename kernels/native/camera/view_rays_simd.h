@@ -72,7 +72,7 @@ template <> struct TableEntry<RAY_TABLE_WITH_ORIGINS> {
 };
 
 // Rays of a table, row after row of the image; ENTRIES a pixel.
-template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? SPREAD_ROWS : 1;
+template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? OFFSET_RAY_ROWS : 1;
 template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(const Camera& camera)
 {
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)

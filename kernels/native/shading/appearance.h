@@ -18,7 +18,7 @@ enum Fact {
     HAS_SHADOWS = 8,
     STORE_QUADS = 16,
     WHOLE_REGIONS = 32,  // the image has no part of a region
-    SEPARATE_PLANE_PATH = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
+    SEPARATE_PLANE_PATH = 64,  // few shapes and no meshes: there is room to draw floors apart and to look up in atlases
     PLANE_STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
     PHYSICAL = 1 << 12,  // is lit as shading/pbr.h does it, else as shading/fixed_function.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
@@ -45,9 +45,9 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
-    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
-    static constexpr bool TURNED = IMAGES & NORMALS;
-    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
+    static constexpr bool USE_ATLAS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
+    static constexpr bool WORLD_NORMALS = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || WORLD_NORMALS;
     static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
     static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
     static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
@@ -71,7 +71,7 @@ struct TextureLayout {
     float start[2];  // u and v in a plane's middle
     int cube;  // 1: a cube texture
     int own;  // 1: a mesh with texture coordinates of its own
-    unsigned long long sheet;  // see Textures.sheets; 0: none
+    unsigned long long atlas;  // see Textures.atlases; 0: none
 };
 
 // The shape's axes in the world.
@@ -98,12 +98,12 @@ template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, 
 
 // Only what the images need.
 template <class Types, class Wants> struct ShapeAppearance : conditional_t<Wants::SHIFTED, Shift, Unmoved> {
-    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, USE_ATLAS = Wants::USE_ATLAS;
     optional_t<Wants::SURFACE, ShapeFromCamera> pose;
     static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
     using Finish_ = conditional_t<JOINT, JointFinish, ResolvedMaterial>;
     optional_t<Wants::COLORED, conditional_t<Wants::COATED, PbrMaterial, Finish_>> finish;
-    optional_t<Wants::TURNED, ShapeToWorldRotation> turn;
+    optional_t<Wants::WORLD_NORMALS, ShapeToWorldRotation> turn;
     optional_t<Wants::TEXTURED, TextureLayout> layout;
     optional_t<Wants::FACETED && Types::has(PLANE), PlaneGrid> cells;
 };
@@ -169,7 +169,7 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
     const Vec3 size = as_vec3(pose.size);
     const int type = pose.type(), asset = pose.asset();
     if (Types::has(MESH) && type == MESH && asset >= 0) {
-        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
     }
     if (Types::has(HEIGHT_FIELD) && type == HEIGHT_FIELD && asset >= 0) {
@@ -251,8 +251,8 @@ WARPCAM_DEVICE void load_rest(ShapeAppearance<Types, Wants>& look, const Shapes&
     if constexpr (Wants::TEXTURED)
         look.layout = load_layout<Types, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
                                                         look.finish.color.w, world, id);
-    if constexpr (Wants::ON_SHEETS)
-        look.layout.sheet = sheet_of(textures, look.finish.color.w);
+    if constexpr (Wants::USE_ATLAS)
+        look.layout.atlas = atlas_of(textures, look.finish.color.w);
     if constexpr (Wants::FACETED && Types::has(PLANE)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
@@ -272,7 +272,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
     ShapeAppearance<Types, Wants> look;
     if constexpr (Wants::SURFACE)
         look.pose = load_pose<Types>(shapes, meshes, camera, world, id);
-    if constexpr (Wants::TURNED)
+    if constexpr (Wants::WORLD_NORMALS)
         look.turn = load_turn(shapes, world, id);
     if constexpr (Wants::COLORED && !Wants::COATED) {
         const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);
@@ -288,7 +288,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
 
 // Looks without that: enough of most shapes.
 template <class Wants> struct Untextured : Wants {
-    static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
+    static constexpr bool TEXTURED = false, SHIFTED = false, USE_ATLAS = false, FACETED = false;
 };
 
 // Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.

@@ -152,11 +152,11 @@ template <class Vector> WARPCAM_DEVICE LightingVertexOf<Vector> vertex_at(Vector
 }
 
 // Vertex as seen by a ray that starts at `eye` instead of the centre of projection.
-struct SpreadVertex : LightingVertex {
+struct OffsetRayVertex : LightingVertex {
     Vec3 place;
 };
 
-WARPCAM_DEVICE SpreadVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye)
+WARPCAM_DEVICE OffsetRayVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye)
 {
     return { vertex_at(place - eye, normal), place };
 }
@@ -166,7 +166,7 @@ template <class Vector> WARPCAM_DEVICE Vector from_vertex(const LightingVertexOf
 {
     return place + vertex.reach * vertex.to_eye;
 }
-WARPCAM_DEVICE Vec3 from_vertex(const SpreadVertex& vertex, Vec3 place) { return place - vertex.place; }
+WARPCAM_DEVICE Vec3 from_vertex(const OffsetRayVertex& vertex, Vec3 place) { return place - vertex.place; }
 
 // A spot's strength at a corner, before its cone.
 template <class Vertex_> WARPCAM_DEVICE float faded(const Light& light, const Vertex_& vertex)

@@ -63,8 +63,8 @@ struct FloorView {
     Float3Int right, down;
     // Mip levels of the texture: width, height and start (bits of floats); w: start of the next. With a mip atlas all
     // are floats, the last two the level's left and top there.
-    Float3Int levels[MAX_LEVELS + 1];  // on a sheet the last of them twice
-    unsigned long long sheet;  // see Textures.sheets; 0: none
+    Float3Int levels[MAX_LEVELS + 1];  // in an atlas the last of them twice
+    unsigned long long atlas;  // see Textures.atlases; 0: none
     int count;  // of levels
     int plain;  // 1: it has a texture of one image, or none
 };
@@ -145,10 +145,10 @@ WARPCAM_DEVICE float team_sum(float value)
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for
-// these around what is near. A team calls it. `sheet`: of the plane's texture, see Textures.sheets; 0: none.
+// these around what is near. A team calls it. `atlas`: of the plane's texture, see Textures.atlases; 0: none.
 template <int LENS, class Grid, class Appearances, class Frame>
 WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appearances& look, const Camera& camera,
-                                   const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored,
+                                   const Region& region, const Frame& frame, unsigned long long atlas, bool mirrored,
                                    int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
@@ -227,7 +227,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         }
         limit = 0.85f * far;
     }
-    list_levels(grid.view, look, sheet, lane);
+    list_levels(grid.view, look, atlas, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -316,16 +316,16 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
 }
 
 template <class Appearances>
-WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsigned long long sheet, int lane)
+WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsigned long long atlas, int lane)
 {
     if constexpr (Appearances::TEXTURED) {
         const Image& image = look.layout.image;
         if (lane == 0)
-            view.sheet = sheet;
+            view.atlas = atlas;
         for (int i = lane; i < min(image.levels, MAX_LEVELS) + 1; i += WARP_OR_ONE) {
             const Level level = Level { image.start, image.width, image.height }.after(i, 1);
-            if (sheet) {
-                view.levels[i] = level_on_sheet(image, min(i, image.levels - 1));
+            if (atlas) {
+                view.levels[i] = level_in_atlas(image, min(i, image.levels - 1));
                 continue;
             }
             view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start),
@@ -360,12 +360,12 @@ WARPCAM_DEVICE void view_floor(FloorView& view, const Appearances& look, const C
     }
 }
 
-// A team calls it. `sheet` as above.
+// A team calls it. `atlas` as above.
 template <class Appearances> WARPCAM_DEVICE void see_floor(BareGrid& grid, const Appearances& look,
-                                                           const Camera& camera, int plane, unsigned long long sheet,
+                                                           const Camera& camera, int plane, unsigned long long atlas,
                                                            int lane)
 {
-    list_levels(grid.view, look, sheet, lane);
+    list_levels(grid.view, look, atlas, lane);
     if (lane != 0)
         return;
     view_floor(grid.view, look, camera);

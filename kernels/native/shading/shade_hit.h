@@ -62,8 +62,8 @@ WARPCAM_DEVICE Vec3 sample_at(const Appearances& look, const Textures& textures,
     const TextureLayout& layout = look.layout;
     shift(look, at.u, at.v);
 #if defined(__CUDA_ARCH__)
-    if (Appearances::ON_SHEETS && layout.sheet)
-        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
+    if (Appearances::USE_ATLAS && layout.atlas)
+        return sample_2d_atlas(layout.atlas, layout.image, at.u, at.v, at.right, at.down);
 #endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
@@ -88,8 +88,8 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
         const Vec3 to_right = mul(mapping.scale, slide(right, ray, surface.normal));
         const Vec3 to_below = mul(mapping.scale, slide(down, ray, surface.normal));
 #if defined(__CUDA_ARCH__)
-        if (Appearances::ON_SHEETS && layout.sheet)
-            return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
+        if (Appearances::USE_ATLAS && layout.atlas)
+            return sample_cube_atlas(layout.atlas, layout.image, mapping.direction, to_right, to_below);
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
@@ -131,7 +131,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         const Vec3 local = locate_hit<LENS>(pose, x, y, depth, place, ray);
         surface = surface_at<Types>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
-    if constexpr (Wants::TURNED) {
+    if constexpr (Wants::WORLD_NORMALS) {
         if constexpr (Types::has(LIT_NORMALS))
             shown.normal = look.turn.world(smooth_normal<Types>(look.pose, scene.meshes, surface));
         else

@@ -26,7 +26,7 @@ WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Sce
 {
     float from = near;
 #pragma unroll 1
-    for (int sheet = 0; sheet < MAX_PEELS; ++sheet) {
+    for (int layer = 0; layer < MAX_PEELS; ++layer) {
         Hit hit { limit, -1, -1 };
 #if defined(__CUDA_ARCH__)
         for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
@@ -34,13 +34,14 @@ WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Sce
             const bool touched =
                 mine < transparent_shapes.count && touches(transparent_shapes.touched[mine], column, row);
             for (unsigned mask = __ballot_sync(FULL_WARP, touched); mask; mask &= mask - 1)
-                meet_veil<Types>(transparent_shapes.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields,
-                                 hit);
+                intersect_transparent<Types>(transparent_shapes.records[begin + ctz(mask)], ray, from, scene.meshes,
+                                             scene.fields, hit);
         }
 #else
         for (int slot = 0; slot < transparent_shapes.count; ++slot)
             if (touches(transparent_shapes.touched[slot], column, row))
-                meet_veil<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
+                intersect_transparent<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields,
+                                             hit);
 #endif
         const bool met = hit.shape >= 0;
         if (!warp_any(met))

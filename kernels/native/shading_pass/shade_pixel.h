@@ -67,11 +67,11 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     }
     if constexpr ((FACTS & PHYSICAL) != 0) {
         const auto paint = [&](bool met, Hit hit, Vec3& light) {
-            ShadedPixel sheet;
+            ShadedPixel layer;
             fill_inactive_lanes(met, hit);
             resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
-                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
-            light = sheet.linear;
+                looks, lights, scene, camera, world, x, y, hit, 0, layer);
+            light = layer.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr (Types::has(ALPHA_TESTED) && (FACTS & HAS_MAPS))
                 alpha *= mapped_opacity<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
@@ -89,12 +89,12 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     } else {
         MujocoBlend covered(shown.linear, clip(shown.display));
         const auto shade = [&](bool met, Hit hit, Vec3& linear, Vec3& display) {
-            ShadedPixel sheet;
+            ShadedPixel layer;
             fill_inactive_lanes(met, hit);
             resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
-                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
-            linear = sheet.linear;
-            display = sheet.display;
+                looks, lights, scene, camera, world, x, y, hit, 0, layer);
+            linear = layer.linear;
+            display = layer.display;
             if constexpr (Types::has(TEXTURE_ALPHA) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
                 return texture_alpha<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
                                                       looks, lights, scene, camera, world, hit.shape),

@@ -16,8 +16,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
-    using Sheets = optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
-    constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(Sheets)) : 0);
+    using TransparentList =
+        optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
+    constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(TransparentList)) : 0);
     constexpr int CACHED =
         CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -66,7 +67,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
     WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
     WARPCAM_SHARED Camera kept_camera;
-    WARPCAM_SHARED Sheets transparent_shapes;
+    WARPCAM_SHARED TransparentList transparent_shapes;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
@@ -134,20 +135,20 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 #endif
     if constexpr (ON_FLOOR) {
         const Appearances& look = plane_look<CACHED>(looks, scene);
-        unsigned long long sheet = 0;
-        if constexpr (Wants::ON_SHEETS)
-            sheet = look.layout.sheet;
+        unsigned long long atlas = 0;
+        if constexpr (Wants::USE_ATLAS)
+            atlas = look.layout.atlas;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
-            sheet = sheet_of(scene.textures, look.finish.color.w);
-        unsigned long long image = sheet;  // that of strips
+            atlas = atlas_of(scene.textures, look.finish.color.w);
+        unsigned long long image = atlas;  // that of strips
         if constexpr (MIPS)
-            if (thread == 0 && sheet)
+            if (thread == 0 && atlas)
                 image = wp::index(scene.textures.mips, look.finish.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRROR_VIEW, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FACTS & MIRROR_VIEW, thread);
             else
-                see_floor(list.grid, look, camera, frame.plane, sheet, thread);
+                see_floor(list.grid, look, camera, frame.plane, atlas, thread);
         }
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)

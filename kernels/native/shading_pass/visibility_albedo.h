@@ -27,7 +27,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
     using Wants = ShadingNeeds<ALBEDO, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && Types::has(PLANE);
-    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
+    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else atlases
     static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH,
                          TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
     static constexpr int CACHED = TEXTURED && CAPACITY <= WARP_SIZE ? CAPACITY : 0;  // looks
@@ -99,20 +99,20 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         if (plane < 0)
             return;
         const Appearances look = load_appearance_for<Types, Wants>(scene, camera, world, plane);
-        unsigned long long sheet = 0;
+        unsigned long long atlas = 0;
         if constexpr (!MIPS)
-            sheet = sheet_of(scene.textures, look.finish.color.w);
+            atlas = atlas_of(scene.textures, look.finish.color.w);
         else if (is_texture(scene.textures, look.finish.color.w))
-            sheet = wp::index(scene.textures.mips, look.finish.color.w);
+            atlas = wp::index(scene.textures.mips, look.finish.color.w);
         if constexpr (MIPS) {
             if (lane == 0) {
                 view_floor(floor.view, look, camera);
-                floor.view.sheet = sheet;
+                floor.view.atlas = atlas;
                 floor.color = clip(as_vec3(look.finish.color));
                 floor.shape = plane;
             }
         } else {
-            see_floor(floor, look, camera, plane, sheet, lane);
+            see_floor(floor, look, camera, plane, atlas, lane);
         }
         __syncwarp();
         const FloorView& view = floor.view;
@@ -122,7 +122,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             v = { place.y * ay.x, place.y * ay.y, -place.y * ay.z,
                   as_int(fma(place.y, as_float(ay.w), as_float(place.w))) };
             color = make_float3_int(255.0f * floor.color, as_int(float(view.count - 1)));
-            if (!view.plain || view.count == 0 || !view.sheet)
+            if (!view.plain || view.count == 0 || !view.atlas)
                 floor.shape = -1;
         }
         // A step on the texture changes along the other direction alone: see FloorView and StripPlan.
@@ -228,7 +228,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         const Float3Int across = u, along = v, own_color = color;
         const float own = down[column], coarsest = as_float(own_color.w);
         const float start_u = across.x * rays[0].x + across.z, start_v = along.x * rays[0].x + along.z;
-        const unsigned long long sheet = floor.view.sheet;
+        const unsigned long long atlas = floor.view.atlas;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
             const float depth = hits[k].depth;
             const float at_u = fma(depth, across.y * rays[k].y + start_u, as_float(across.w));
@@ -236,12 +236,12 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             const float steps = max(own, right[row + k * TILE_HEIGHT]);
             Vec3 texel;
             if constexpr (MIPS) {
-                texel = look_up(sheet, at_u, at_v, 2.0f * log2(depth) + steps);
+                texel = look_up(atlas, at_u, at_v, 2.0f * log2(depth) + steps);
             } else {
                 const float detail = min(max(2.0f * log2(depth) + steps, 0.0f), coarsest);
                 const float base = __fadd_rd(detail, WHOLE_NUMBERS);
                 const int level = as_int(base) - as_int(WHOLE_NUMBERS);
-                texel = sample_sheet(sheet, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
+                texel = sample_atlas(atlas, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
                                      detail - (base - WHOLE_NUMBERS));
             }
             const unsigned red = unsigned(as_int(fma(texel.x, own_color.x, WHOLE_NUMBERS)));

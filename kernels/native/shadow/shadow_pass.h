@@ -110,7 +110,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
         const unsigned own = Strips::of_warp(threadIdx.x / WARP_SIZE, lane / 4);
         const unsigned missed =
-            floor_shade(view, floor, list.bounds, task.region, lane)
+            plane_receiver_cull(view, floor, list.bounds, task.region, lane)
                 .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
         const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
         if (lane == 0 && todo)
@@ -172,7 +172,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
                 tries = keep && !facing.clear;
             }
             if constexpr (uses_occluder_boxes<Types>()) {
-                if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
+                if (blocked_by_boxes(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
                 }

@@ -104,7 +104,8 @@ template <class Types, class Meshes>
 WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Meshes& meshes, const TileRays& part)
 {
     const Float3Int o = record.origin;
-    const auto least = wp::index(meshes.lower, record.axis_z.w), most = wp::index(meshes.upper, record.axis_z.w);
+    const auto least = wp::index(meshes.bounds_min, record.axis_z.w),
+               most = wp::index(meshes.bounds_max, record.axis_z.w);
     if (o.x < least[0] || o.y < least[1] || o.z < least[2] || o.x > most[0] || o.y > most[1] || o.z > most[2])
         return true;
     const CornerRays rays(record, part);

@@ -35,7 +35,7 @@ template <class Meshes>
 WARPCAM_DEVICE bool meets_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, float near, float depth)
 {
     const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
-    const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
+    const auto lo = wp::index(meshes.bounds_min, record.axis_z.w), hi = wp::index(meshes.bounds_max, record.axis_z.w);
     const float x0 = lo[0] * s.scale.x + s.down.x, x1 = hi[0] * s.scale.x + s.up.x;
     const float y0 = lo[1] * s.scale.y + s.down.y, y1 = hi[1] * s.scale.y + s.up.y;
     const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
@@ -186,7 +186,7 @@ template <int LENS> struct RayLanes {
     }
 };
 
-// Spread ones are read first, or what follows would not become vector code.
+// Offset rays are read first, or what follows would not become vector code.
 template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     float start[3][WARP_SIZE], direction[3][WARP_SIZE];
 

@@ -192,13 +192,17 @@ class FrameRenderer:
         mjv_geoms: MjvGeoms | None,
     ) -> dict[str, np.ndarray]:
         """Return the images of ``look``, in which planes are seen from behind in colours alone."""
-        veiled = mjv_geoms is not None and mjv_geoms.transparent
-        if through and "depth" in outputs and (veiled or has_transparent(self._model, style.groups, style.draw)):
+        has_transparent_geoms = mjv_geoms is not None and mjv_geoms.transparent
+        if (
+            through
+            and "depth" in outputs
+            and (has_transparent_geoms or has_transparent(self._model, style.groups, style.draw))
+        ):
             more, all_drawn = (
                 [*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)
             )
             images = self._look(view, style, width, height, more, all_drawn, False, mjv_geoms)
-            if veiled or sees_transparent(self._model, images["objects"]):
+            if has_transparent_geoms or sees_transparent(self._model, images["objects"]):
                 opaque = None if mjv_geoms is None else mjv_geoms.opaque()
                 plain = self._copy(WithoutTransparent)
                 images["depth"] = plain.look(view, style, width, height, ("depth",), mjv_geoms=opaque)["depth"]
@@ -285,11 +289,11 @@ class FrameRenderer:
 
 @dataclass(frozen=True, eq=False)
 class _CachedScene:
-    """A scene, what of sites, tendons, flexes and skins was seen, and transparent, when it was made, and its places."""
+    """A scene, which sites, tendons, flexes and skins were seen and transparent when it was made, and its places."""
 
     scene: wc.Scene
     seen: np.ndarray
-    veils: np.ndarray
+    transparent: np.ndarray
     places: MjvGeomSlots | None
 
     def suits(self, seen: np.ndarray, transparent: np.ndarray, mjv_geoms: MjvGeoms | None) -> bool:
@@ -297,7 +301,7 @@ class _CachedScene:
             holds = self.places is None and mjv_geoms is None
         else:
             holds = self.places.room.holds(mjv_geoms)
-        return holds and bool((self.seen >= seen).all() and (self.veils == transparent)[seen].all())
+        return holds and bool((self.seen >= seen).all() and (self.transparent == transparent)[seen].all())
 
     def filled(self, mjv_geoms: MjvGeoms | None) -> wc.Scene:
         if self.places is not None and mjv_geoms is not None:

@@ -127,8 +127,10 @@ class MjvGeoms:
     def kinds(self) -> Mapping[MjvGeomClass, np.ndarray]:
         """The numbers of the shapes of each kind."""
         planes = self.types == PLANE
-        veiled = (self.colors[:, 3] < OPAQUE_ABOVE) | planes
-        rows = zip(self.types.tolist(), veiled.tolist(), self.casts.tolist(), self.reflectances.tolist(), strict=True)
+        transparent = (self.colors[:, 3] < OPAQUE_ABOVE) | planes
+        rows = zip(
+            self.types.tolist(), transparent.tolist(), self.casts.tolist(), self.reflectances.tolist(), strict=True
+        )
         kinds: dict[MjvGeomClass, list[int]] = {}
         for number, row in enumerate(rows):
             kinds.setdefault(MjvGeomClass(*row), []).append(number)
