@@ -19,10 +19,10 @@ struct OffsetRay {
     Vec3 start, direction;
 };
 
-WARPCAM_DEVICE Ray local_of(const OffsetRay& beam, const ShapeRecord& record)
+WARPCAM_DEVICE Ray local_of(const OffsetRay& offset_ray, const ShapeRecord& record)
 {
     const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
-    const Vec3 s = beam.start, d = beam.direction;
+    const Vec3 s = offset_ray.start, d = offset_ray.direction;
     return { { o.x + (ax.x * s.x + ax.y * s.y + ax.z * s.z), o.y + (ay.x * s.x + ay.y * s.y + ay.z * s.z),
                o.z + (az.x * s.x + az.y * s.y + az.z * s.z) },
              { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
@@ -39,7 +39,7 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
         return { as_float(int(unsigned(bits))), as_float(int(unsigned(bits >> 32))) };
     }
 
-    WARPCAM_DEVICE OffsetRay beam() const
+    WARPCAM_DEVICE OffsetRay offset_ray() const
     {
         const Float3Int *const rows = own_rows(), start = load(rows, 0), along = load(rows, 1);
         const int sample = (as_int(x) & LOWEST) - 1;
@@ -50,14 +50,14 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
         return { as_vec3(start) + offset.right * right.start + offset.down * under.start,
                  normalized(as_vec3(along) + offset.right * right.direction + offset.down * under.direction) };
     }
-    WARPCAM_DEVICE Vec3 direction() const { return beam().direction; }
+    WARPCAM_DEVICE Vec3 direction() const { return offset_ray().direction; }
     WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & PIXEL_WITHOUT_RAY; }
 
     // To the next pixel across, and down: over both sides that are linked.
     WARPCAM_DEVICE OffsetRay across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
     WARPCAM_DEVICE OffsetRay down() const { return step(load(own_rows(), 1).w, LINKED_UP, LINKED_DOWN); }
 
-    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(beam(), record); }
+    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(offset_ray(), record); }
 
     template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
