@@ -19,9 +19,9 @@ struct OffsetRay {
     Vec3 start, direction;
 };
 
-WARPCAM_DEVICE Ray local_of(const OffsetRay& beam, const ShapeRecord& record)
+WARPCAM_DEVICE Ray local_of(const OffsetRay& offset_ray, const ShapeRecord& record)
 {
-    return { as_vec3(record.origin) + transform_rows(record, beam.start), transform_rows(record, beam.direction) };
+    return { as_vec3(record.origin) + transform_rows(record, offset_ray.start), transform_rows(record, offset_ray.direction) };
 }
 
 template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
@@ -34,7 +34,7 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
         return { as_float(int(unsigned(bits))), as_float(int(unsigned(bits >> 32))) };
     }
 
-    WARPCAM_DEVICE OffsetRay beam() const
+    WARPCAM_DEVICE OffsetRay offset_ray() const
     {
         const Float3Int *const rows = own_rows(), start = load(rows, 0), along = load(rows, 1);
         const int sample = (as_int(x) & LOWEST) - 1;
@@ -45,14 +45,14 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
         return { as_vec3(start) + offset.right * right.start + offset.down * under.start,
                  normalized(as_vec3(along) + offset.right * right.direction + offset.down * under.direction) };
     }
-    WARPCAM_DEVICE Vec3 direction() const { return beam().direction; }
+    WARPCAM_DEVICE Vec3 direction() const { return offset_ray().direction; }
     WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & PIXEL_WITHOUT_RAY; }
 
     // To the next pixel across, and down: over both sides that are linked.
     WARPCAM_DEVICE OffsetRay across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }
     WARPCAM_DEVICE OffsetRay down() const { return step(load(own_rows(), 1).w, LINKED_UP, LINKED_DOWN); }
 
-    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(beam(), record); }
+    WARPCAM_DEVICE Ray local(const ShapeRecord& record) const { return local_of(offset_ray(), record); }
 
     template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {

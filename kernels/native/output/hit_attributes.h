@@ -22,8 +22,8 @@ template <int LENS> WARPCAM_DEVICE float distance_of(const Hit& hit, const Camer
     if constexpr (LENS == RAYS)
         return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = seen.beam();
-        return hit.shape >= 0 ? -(beam.start.z + hit.depth * beam.direction.z) : infinity();
+        const OffsetRay offset_ray = seen.offset_ray();
+        return hit.shape >= 0 ? -(offset_ray.start.z + hit.depth * offset_ray.direction.z) : infinity();
     }
     if (LENS != PINHOLE)
         return hit.shape >= 0 ? hit.depth : infinity();
@@ -43,8 +43,8 @@ template <int LENS> WARPCAM_DEVICE Vec3 point_of(const Hit& hit, const Camera& c
     if constexpr (LENS == RAYS)
         return camera.origin + transform(camera.rotation, hit.depth * seen.direction());
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = seen.beam();
-        return camera.origin + transform(camera.rotation, beam.start + hit.depth * beam.direction);
+        const OffsetRay offset_ray = seen.offset_ray();
+        return camera.origin + transform(camera.rotation, offset_ray.start + hit.depth * offset_ray.direction);
     }
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
     return camera.origin + transform(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
@@ -62,9 +62,9 @@ WARPCAM_DEVICE Vec3 locate_hit(const ShapeFromCamera& pose, float x, float y, fl
         ray = pose.local(CameraRay<LENS> { x, y }.direction());
     }
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = CameraRay<LENS> { x, y }.beam();
-        place = beam.start + depth * beam.direction;
-        ray = pose.local(beam.direction);
+        const OffsetRay offset_ray = CameraRay<LENS> { x, y }.offset_ray();
+        place = offset_ray.start + depth * offset_ray.direction;
+        ray = pose.local(offset_ray.direction);
     }
     return pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
 }

@@ -48,9 +48,9 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool USE_ATLAS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
     static constexpr bool WORLD_NORMALS = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || WORLD_NORMALS;
-    static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
-    static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
-    static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool PBR = COLORED && (FACTS & PHYSICAL);
+    static constexpr bool MAPPED = PBR && (FACTS & HAS_MAPS);
+    static constexpr bool GOURAUD = LIT && !(FACTS & PHYSICAL);
     static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
     static constexpr bool DIMMED = FACTS & MIRROR_VIEW;  // colours are those that the mirror shows
 };
@@ -59,7 +59,7 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
 struct PbrMaterial {
     Float3Int color;  // RGB, linear; w: texture or -1
     Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
-    Float3Int glow;  // RGB, linear; w: texture or -1
+    Float3Int emission;  // RGB, linear; w: texture or -1
     int normals;  // texture or -1
 };
 
@@ -101,11 +101,11 @@ template <class Types, class Wants> struct ShapeAppearance : conditional_t<Wants
     static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, USE_ATLAS = Wants::USE_ATLAS;
     optional_t<Wants::SURFACE, ShapeFromCamera> pose;
     static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
-    using Finish_ = conditional_t<JOINT, JointFinish, ResolvedMaterial>;
-    optional_t<Wants::COLORED, conditional_t<Wants::COATED, PbrMaterial, Finish_>> finish;
+    using Material_ = conditional_t<JOINT, JointMaterial, ResolvedMaterial>;
+    optional_t<Wants::COLORED, conditional_t<Wants::PBR, PbrMaterial, Material_>> material;
     optional_t<Wants::WORLD_NORMALS, ShapeToWorldRotation> turn;
     optional_t<Wants::TEXTURED, TextureLayout> layout;
-    optional_t<Wants::FACETED && Types::has(PLANE), PlaneGrid> cells;
+    optional_t<Wants::GOURAUD && Types::has(PLANE), PlaneGrid> cells;
 };
 
 template <class Types, class Shapes, class Meshes>
@@ -141,25 +141,25 @@ template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physica
 WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical,
                                      int world, int id)
 {
-    const ResolvedMaterial finish = load_material<MATERIAL>(shapes, materials, world, id);
-    PbrMaterial coat;
-    coat.color = make_float3_int(srgb_to_linear(as_vec3(finish.color)), finish.color.w);
-    coat.gloss = { 0.5f, 0.0f, 0.04f, -1 };
-    coat.glow = { 0.0f, 0.0f, 0.0f, -1 };
-    coat.normals = -1;
+    const ResolvedMaterial material = load_material<MATERIAL>(shapes, materials, world, id);
+    PbrMaterial pbr;
+    pbr.color = make_float3_int(srgb_to_linear(as_vec3(material.color)), material.color.w);
+    pbr.gloss = { 0.5f, 0.0f, 0.04f, -1 };
+    pbr.emission = { 0.0f, 0.0f, 0.0f, -1 };
+    pbr.normals = -1;
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (index >= 0) {
-        coat.gloss.x = per_world(physical.roughness, world, index);
-        coat.gloss.y = per_world(physical.metallic, world, index);
-        coat.gloss.z = per_world(physical.reflectance, world, index);
-        coat.glow = make_float3_int(as_vec3(per_world(physical.emissive, world, index)), -1);
+        pbr.gloss.x = per_world(physical.roughness, world, index);
+        pbr.gloss.y = per_world(physical.metallic, world, index);
+        pbr.gloss.z = per_world(physical.reflectance, world, index);
+        pbr.emission = make_float3_int(as_vec3(per_world(physical.emissive, world, index)), -1);
         if (MAPS) {
-            coat.normals = texture_of(materials, world, index, ROLE_NORMAL);
-            coat.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
-            coat.glow.w = texture_of(materials, world, index, ROLE_EMISSION);
+            pbr.normals = texture_of(materials, world, index, ROLE_NORMAL);
+            pbr.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
+            pbr.emission.w = texture_of(materials, world, index, ROLE_EMISSION);
         }
     }
-    return coat;
+    return pbr;
 }
 
 // The half extents of a shape as MuJoCo gives them to its renderer.
@@ -249,11 +249,11 @@ WARPCAM_DEVICE void load_rest(ShapeAppearance<Types, Wants>& look, const Shapes&
                               int world, int id)
 {
     if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<Types, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
-                                                        look.finish.color.w, world, id);
+        look.layout = load_layout<Types, Wants::PBR>(shapes, materials, textures, meshes, fields, look.pose,
+                                                     look.material.color.w, world, id);
     if constexpr (Wants::USE_ATLAS)
-        look.layout.atlas = atlas_of(textures, look.finish.color.w);
-    if constexpr (Wants::FACETED && Types::has(PLANE)) {
+        look.layout.atlas = atlas_of(textures, look.material.color.w);
+    if constexpr (Wants::GOURAUD && Types::has(PLANE)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)
@@ -274,21 +274,21 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
         look.pose = load_pose<Types>(shapes, meshes, camera, world, id);
     if constexpr (Wants::WORLD_NORMALS)
         look.turn = load_turn(shapes, world, id);
-    if constexpr (Wants::COLORED && !Wants::COATED) {
-        const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);
-        static_cast<ResolvedMaterial&>(look.finish) = finish;
+    if constexpr (Wants::COLORED && !Wants::PBR) {
+        const ResolvedMaterial material = load_material<Wants::MATERIAL>(shapes, materials, world, id);
+        static_cast<ResolvedMaterial&>(look.material) = material;
         if constexpr (ShapeAppearance<Types, Wants>::JOINT)
-            look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
+            look.material.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, material);
     }
-    if constexpr (Wants::COATED)
-        look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
+    if constexpr (Wants::PBR)
+        look.material = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
     load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);
     return look;
 }
 
 // Looks without that: enough of most shapes.
 template <class Wants> struct Untextured : Wants {
-    static constexpr bool TEXTURED = false, SHIFTED = false, USE_ATLAS = false, FACETED = false;
+    static constexpr bool TEXTURED = false, SHIFTED = false, USE_ATLAS = false, GOURAUD = false;
 };
 
 // Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.

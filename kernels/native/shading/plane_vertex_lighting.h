@@ -162,8 +162,8 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     const Vec3 eye = pose.eye();
     float u[EACH], v[EACH], depth[EACH];
     int stride = 1, casting = 0;
-    const bool grey =
-        !list.colored && look.finish.color.x == look.finish.color.y && look.finish.color.x == look.finish.color.z;
+    const bool grey = !list.colored && look.material.color.x == look.material.color.y
+                      && look.material.color.x == look.material.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
@@ -255,7 +255,7 @@ WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
 
 // Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
-WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& finish,
+WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& material,
                                  float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
@@ -272,21 +272,21 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
             arrival = arrival_of<true>(light, corner, 1.0f);
             if (light.ambient.w & FADES)
                 arrival.strength *= faded(light, corner);
-            share = share_of<true>(light, corner, arrival, finish.gloss.z);
+            share = share_of<true>(light, corner, arrival, material.gloss.z);
         } else {
             arrival = arrival_of<false>(light, corner, 1.0f);
-            share = share_of<false>(light, corner, arrival, finish.gloss.z);
+            share = share_of<false>(light, corner, arrival, material.gloss.z);
         }
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected<Vec3>(own, of_casting(finish))), Sum {});
+            keep(values + slot, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, shown(reflected<Vec3>(steady, always_on(list, finish), finish)), Sum {});
+    keep(values, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
@@ -303,7 +303,7 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                                             corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
         if (grid.few) {
             for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
                 values[n] = 0.0f;
@@ -311,7 +311,7 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                 values[0] += values[n];
         }
         if (!grid.grey)
-            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
+            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
     }
 }
 
@@ -369,7 +369,7 @@ template <class Appearances> WARPCAM_DEVICE void see_floor(BareGrid& grid, const
     if (lane != 0)
         return;
     view_floor(grid.view, look, camera);
-    grid.color = clip(as_vec3(look.finish.color));
+    grid.color = clip(as_vec3(look.material.color));
     grid.shape = plane;
 }
 

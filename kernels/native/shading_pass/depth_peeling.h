@@ -71,7 +71,7 @@ WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& sce
     const Vec3 ray = pose.local(CameraRay<LENS> { x, y }.direction());
     Vec3 local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-        local = local + pose.local(CameraRay<LENS> { x, y }.beam().start);
+        local = local + pose.local(CameraRay<LENS> { x, y }.offset_ray().start);
     const SurfaceInteraction surface = surface_at<Types>(pose, scene.meshes, scene.fields, hit.face, local, ray);
     const Vec3 right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
     const Vec3 down = pose.local(step_down<LENS>(camera, x, y, hit.depth));

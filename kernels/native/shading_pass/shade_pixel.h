@@ -173,7 +173,7 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
         bool seen = hit;
-        HazeSample mist { 0.0f, 0.0f };
+        HazeSample haze_sample { 0.0f, 0.0f };
         float sky = camera.far;
         if constexpr ((FACTS & HAS_HAZE) != 0 && LENS != ORTHOGRAPHIC) {
             const Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
@@ -181,15 +181,15 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             seen = hit && solid.depth < sky;
             Vec3 eye = camera.origin;
             if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-                eye = eye + transform(camera.rotation, CameraRay<LENS> { x, y }.beam().start);
-            mist = haze_of(scene, eye, world, ray);
+                eye = eye + transform(camera.rotation, CameraRay<LENS> { x, y }.offset_ray().start);
+            haze_sample = haze_of(scene, eye, world, ray);
         }
         if (!seen) {
             shown.linear = shown.display =
                 FACTS & MIRROR_VIEW ? black
                                     : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
                                                                     camera, frame.horizon, x, y);
-            if constexpr (Wants::COATED) {
+            if constexpr (Wants::PBR) {
                 shown.linear = srgb_to_linear(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
                     shown.linear = mul(lights.sky.gain, shown.linear);
@@ -202,17 +202,17 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         if constexpr ((FACTS & HAS_HAZE) != 0)
-            if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
-                const Vec3 haze = exposed<FACTS>(scene, world, mist.density * as_vec3(frame.haze.color));
-                shown.linear = (1.0f - mist.density) * shown.linear + haze;
-                shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
+            if (haze_sample.density > 0.0f && !(seen && solid.depth < haze_sample.depth)) {
+                const Vec3 haze = exposed<FACTS>(scene, world, haze_sample.density * as_vec3(frame.haze.color));
+                shown.linear = (1.0f - haze_sample.density) * shown.linear + haze;
+                shown.display = (1.0f - haze_sample.density) * clip(shown.display) + haze;
             }
         unsigned alpha = hit ? 0xff000000u : 0u;
         if constexpr ((FACTS & HAS_TRANSPARENT) != 0) {
             float limit = hit ? solid.depth : camera.far;
             if constexpr ((FACTS & HAS_HAZE) != 0)
-                limit =
-                    min(sky, mist.density > 0.0f ? min(limit, mist.depth) : limit);  // these hide what is behind them
+                limit = min(sky, haze_sample.density > 0.0f ? min(limit, haze_sample.depth)
+                                                            : limit);  // these hide what is behind them
             const float left = resolve_transparent<Types, LENS, CAPACITY, IMAGES, FACTS>(
                 looks, lights, scene, camera, transparent_shapes, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;

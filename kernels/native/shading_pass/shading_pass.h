@@ -37,7 +37,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int GRID_BYTES =
         CAPACITY > 0 && CAPACITY <= 64 ? VERTEX_GRID_BYTES : SHARED_BYTES - CACHED * int(sizeof(Appearances)) - 1024;
 #endif
-    constexpr int CORNERS = Wants::FACETED && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
+    constexpr int CORNERS = Wants::GOURAUD && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
                                 ? corner_room(WIDTH * HEIGHT, GRID_BYTES)
                                 : 0;
     // Caches some appearances if not all fit.
@@ -139,11 +139,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if constexpr (Wants::USE_ATLAS)
             atlas = look.layout.atlas;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
-            atlas = atlas_of(scene.textures, look.finish.color.w);
+            atlas = atlas_of(scene.textures, look.material.color.w);
         unsigned long long image = atlas;  // that of strips
         if constexpr (MIPS)
             if (thread == 0 && atlas)
-                image = wp::index(scene.textures.mips, look.finish.color.w);
+                image = wp::index(scene.textures.mips, look.material.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
                 choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FACTS & MIRROR_VIEW, thread);

@@ -74,10 +74,10 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
                 see(scene, camera, region, plane, world, thread % WARP_SIZE);
         for (int i = (thread + THREADS / 2) % THREADS; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            const ResolvedMaterial finish = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
-            words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(as_vec3(finish.color))
-                       : FLOORS && id == plane                                  ? ON_FLOOR
-                                                                                : LATER;
+            const ResolvedMaterial material = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
+            words[i] = !TEXTURED || !is_texture(scene.textures, material.color.w) ? to_bytes(as_vec3(material.color))
+                       : FLOORS && id == plane                                    ? ON_FLOOR
+                                                                                  : LATER;
         }
     }
 
@@ -101,14 +101,14 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         const Appearances look = load_appearance_for<Types, Wants>(scene, camera, world, plane);
         unsigned long long atlas = 0;
         if constexpr (!MIPS)
-            atlas = atlas_of(scene.textures, look.finish.color.w);
-        else if (is_texture(scene.textures, look.finish.color.w))
-            atlas = wp::index(scene.textures.mips, look.finish.color.w);
+            atlas = atlas_of(scene.textures, look.material.color.w);
+        else if (is_texture(scene.textures, look.material.color.w))
+            atlas = wp::index(scene.textures.mips, look.material.color.w);
         if constexpr (MIPS) {
             if (lane == 0) {
                 view_floor(floor.view, look, camera);
                 floor.view.atlas = atlas;
-                floor.color = clip(as_vec3(look.finish.color));
+                floor.color = clip(as_vec3(look.material.color));
                 floor.shape = plane;
             }
         } else {
@@ -161,8 +161,8 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
     }
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
-    template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+    template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void paint(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
                               const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
     {
         unsigned shown[TILES_PER_WARP], all = 0u;
@@ -171,15 +171,15 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             all |= shown[k];
         }
         if (FLOORS && warp_any(all & ON_FLOOR))
-            paint_floor<false>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+            paint_floor<false>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         if (TEXTURED && warp_any(all & LATER))
-            intersect_exit(canvas, i, j, shown);
-        store(canvas, i, j, shown);
+            intersect_exit(trace_target, i, j, shown);
+        store(trace_target, i, j, shown);
     }
 
     // Writes pixels whose hits are all on the infinite plane.
-    template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+    template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void paint_bare(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
                                    const Hit (&hits)[TILES_PER_WARP])
     {
         const unsigned word = endless;
@@ -187,17 +187,19 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         for (int k = 0; k < TILES_PER_WARP; ++k)
             shown[k] = word;
         if (FLOORS && word == ON_FLOOR)
-            paint_floor<true>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+            paint_floor<true>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         else if (TEXTURED && word == LATER)
-            intersect_exit(canvas, i, j, shown);
-        store(canvas, i, j, shown);
+            intersect_exit(trace_target, i, j, shown);
+        store(trace_target, i, j, shown);
     }
 
     // Notes what is painted later.
-    template <class Canvas_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void intersect_exit(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP])
+    template <class TraceTarget_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void intersect_exit(const TraceTarget_& trace_target, int i, int j,
+                                       const unsigned (&shown)[TILES_PER_WARP])
     {
-        const int tile = (j - canvas.region.top) / TILE_HEIGHT * ACROSS + (i - canvas.region.left) / TILE_WIDTH;
+        const int tile =
+            (j - trace_target.region.top) / TILE_HEIGHT * ACROSS + (i - trace_target.region.left) / TILE_WIDTH;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
             const unsigned pixels = __ballot_sync(FULL_WARP, shown[k] & LATER);
             if (threadIdx.x % WARP_SIZE == 0)
@@ -205,19 +207,20 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         }
     }
 
-    template <class Canvas_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP]) const
+    template <class TraceTarget_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void store(const TraceTarget_& trace_target, int i, int j,
+                              const unsigned (&shown)[TILES_PER_WARP]) const
     {
         // Four neighbours store their twelve bytes as three words.
         const int piece = threadIdx.x & 3;
         const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
-        unsigned char* image = canvas.target.albedo.data + piece;
+        unsigned char* image = trace_target.target.albedo.data + piece;
         unsigned joined[TILES_PER_WARP];
         for (int k = 0; k < TILES_PER_WARP; ++k)
             joined[k] = __byte_perm(shown[k], __shfl_down_sync(FULL_WARP, shown[k], 1), bytes);
         if (piece < 3)
             for (int k = 0; k < TILES_PER_WARP; ++k)
-                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined[k];
+                *reinterpret_cast<unsigned*>(image + 3 * size_t(trace_target.at(i, j, k))) = joined[k];
     }
 
     // EVERY: all hits are on it.

@@ -41,7 +41,7 @@ struct Caster {
     // faces; that of its nodes is with the record's origin.
     Float3Int aim;
     Box box;  // of a mesh
-    LightSpaceBounds window;
+    LightSpaceBounds bounds_uv;
     float height;
 };
 
@@ -53,7 +53,7 @@ template <int SIZE, bool MESHES, bool OUTLINED_ = false> struct CasterList {
     ShapeRecord records[CAPACITY];
     Float3Int aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
-    LightSpaceBounds windows[WORDS * 32];  // from `count` on to the end of its 32: empty
+    LightSpaceBounds bounds_uv[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
     LightSpaceBounds diagonals[OUTLINED ? CAPACITY : 1];  // what they cover of u + v and u - v
     LightSpaceBounds bounds;  // CUDA: what all cover together
@@ -81,12 +81,12 @@ WARPCAM_DEVICE float warp_min(float value)
 }
 
 // Union of several bounds. Called by one warp.
-WARPCAM_DEVICE LightSpaceBounds window_of_all(const LightSpaceBounds* windows, int count)
+WARPCAM_DEVICE LightSpaceBounds bounds_uv_of_all(const LightSpaceBounds* bounds_uv, int count)
 {
     LightSpaceBounds all { MISS, -MISS, MISS, -MISS };
 #pragma unroll 1
     for (int slot = threadIdx.x % WARP_SIZE; slot < count; slot += WARP_SIZE) {
-        const LightSpaceBounds w = windows[slot];
+        const LightSpaceBounds w = bounds_uv[slot];
         all = { min(all.left, w.left), max(all.right, w.right), min(all.bottom, w.bottom), max(all.top, w.top) };
     }
     return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
@@ -99,10 +99,10 @@ template <class List> WARPCAM_DEVICE void find_bounds(List& list)
 #pragma unroll 1
     for (int slot = threadIdx.x % WARP_SIZE; slot < list.count; slot += WARP_SIZE)
         height = max(height, list.heights[slot]);
-    list.bounds = window_of_all(list.windows, list.count);
+    list.bounds = bounds_uv_of_all(list.bounds_uv, list.count);
     list.ceiling = -warp_min(-height);
     if constexpr (List::OUTLINED)
-        list.bounds_aslant = window_of_all(list.diagonals, list.count);
+        list.bounds_aslant = bounds_uv_of_all(list.diagonals, list.count);
 }
 
 // True if any caster may shade this point.
@@ -148,10 +148,10 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
             caster.box = { own.center, own.half };
         }
     }
-    caster.window = { -MISS, MISS, -MISS, MISS };
+    caster.bounds_uv = { -MISS, MISS, -MISS, MISS };
     caster.height = MISS;
     if (extent.half.x >= 0.0f)  // not an endless plane
-        caster.window = window_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
+        caster.bounds_uv = bounds_uv_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
     return true;
 }
 
@@ -188,10 +188,10 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
                 mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
                 if (Types::has(MESH))
                     list.boxes[slot] = caster.box;
-                list.windows[slot] = caster.window;
+                list.bounds_uv[slot] = caster.bounds_uv;
                 list.heights[slot] = caster.height;
                 if constexpr (List::OUTLINED) {
-                    const LightSpaceBounds& w = caster.window;
+                    const LightSpaceBounds& w = caster.bounds_uv;
                     list.diagonals[slot] = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
                 }
             }
@@ -207,7 +207,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
     team_barrier<WARP_OR_ONE>();
     const int count = list.count;
     for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += WARP_OR_ONE) {
-        list.windows[slot] = { MISS, -MISS, MISS, -MISS };
+        list.bounds_uv[slot] = { MISS, -MISS, MISS, -MISS };
         list.heights[slot] = -MISS;
     }
     return begin;

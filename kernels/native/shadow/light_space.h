@@ -112,8 +112,8 @@ template <> struct PointReconstructor<RAY_TABLE_WITH_ORIGINS> {
 
     WARPCAM_DEVICE Vec3 point(float i, float j, float depth) const
     {
-        const OffsetRay beam = spread_ray(camera, int(i), int(j)).beam();
-        return along + axes(beam.start + depth * beam.direction);
+        const OffsetRay offset_ray = spread_ray(camera, int(i), int(j)).offset_ray();
+        return along + axes(offset_ray.start + depth * offset_ray.direction);
     }
 
     WARPCAM_DEVICE Vec3 along_of(Vec3, float i, float j) const
@@ -125,7 +125,7 @@ template <> struct PointReconstructor<RAY_TABLE_WITH_ORIGINS> {
 };
 
 // Points from the camera, along the world's axes.
-template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> sight_of(const Camera& camera)
+template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> reconstructor_of(const Camera& camera)
 {
     const Mat3& r = camera.rotation;
     const Vec3 right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
@@ -146,7 +146,7 @@ template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> sight_of(const Camer
 
 // Points along the light's axes; from the light, if it is not distant.
 template <int LENS>
-WARPCAM_DEVICE PointReconstructor<LENS> lit_sight(const LightView& light, const PointReconstructor<LENS>& sight)
+WARPCAM_DEVICE PointReconstructor<LENS> lit_reconstructor(const LightView& light, const PointReconstructor<LENS>& sight)
 {
     const auto to_light_axes = [&](Vec3 a) { return Vec3 { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
     if constexpr (has_table(LENS)) {
@@ -186,9 +186,9 @@ WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
 template <bool TIGHT = false>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds window_of(const LightView& light, int type, Vec3 position,
-                                                               const Mat3& rotation, const LocalBounds& extent,
-                                                               float& height)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds bounds_uv_of(const LightView& light, int type, Vec3 position,
+                                                                  const Mat3& rotation, const LocalBounds& extent,
+                                                                  float& height)
 {
     const Vec3 u = transform_transposed(rotation, light.u), v = transform_transposed(rotation, light.v);
     const Vec3 w = transform_transposed(rotation, light.w), back = ray_to(light, position);
@@ -235,9 +235,9 @@ WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, con
            & (shape.top >= tile.bottom) & (height > floor);
 }
 
-WARPCAM_DEVICE bool within(const LightSpaceBounds& window, float u, float v)
+WARPCAM_DEVICE bool within(const LightSpaceBounds& bounds_uv, float u, float v)
 {
-    return (window.left <= u) & (window.right >= u) & (window.bottom <= v) & (window.top >= v);
+    return (bounds_uv.left <= u) & (bounds_uv.right >= u) & (bounds_uv.bottom <= v) & (bounds_uv.top >= v);
 }
 
 WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, const LightSpacePoint& point)

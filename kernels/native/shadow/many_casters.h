@@ -37,7 +37,7 @@ struct PickedCasters {
 // Union of the bounds that a warp's lanes have found.
 WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
 {
-    const LightSpaceBounds& w = cover.window;
+    const LightSpaceBounds& w = cover.bounds_uv;
     return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) },
              warp_min(cover.floor),
              -warp_min(-cover.top),
@@ -113,10 +113,10 @@ WARPCAM_DEVICE int gather_outlines(CasterList_& caster_list, int begin, const Sh
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
             if (prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                && (grid.endless || may_occlude(caster.window, caster.height, all.window, all.floor))
+                && (grid.endless || may_occlude(caster.bounds_uv, caster.height, all.bounds_uv, all.floor))
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(caster_list.count);
-                caster_list.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
+                caster_list.outlines[slot] = grid.of_shape(caster.bounds_uv, caster.height, i);
             }
         }
         if (total > CasterList_::CAPACITY) {  // the next round may be too much
@@ -170,7 +170,7 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
         list.records[slot] = caster.record;
         list.aims[slot] = caster.aim;
         mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
-        list.windows[slot] = caster.window;
+        list.bounds_uv[slot] = caster.bounds_uv;
         list.heights[slot] = caster.height;
     }
 }
@@ -184,7 +184,7 @@ WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const Recei
     unsigned mine = 0;
 #pragma unroll 4
     for (int slot = 0; slot < list.count; ++slot)
-        mine |= unsigned(may_occlude(list.windows[slot], list.heights[slot], a.place)) << slot;
+        mine |= unsigned(may_occlude(list.bounds_uv[slot], list.heights[slot], a.place)) << slot;
     for (mine = a.asks ? mine : 0; mine; mine &= mine - 1) {
         const int slot = ctz(mine);
         const ShapeRecord& record = list.records[slot];

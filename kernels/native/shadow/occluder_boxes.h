@@ -75,9 +75,9 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
     const auto around = [&](float u, float v) {
         return LightSpaceBounds { warp_min(u - by), -warp_min(-u - by), warp_min(v - by), -warp_min(-v - by) };
     };
-    const LightSpaceBounds window = around(x, y), diagonals = around(x + y, x - y);
+    const LightSpaceBounds bounds_uv = around(x, y), diagonals = around(x + y, x - y);
     if (threadIdx.x % WARP_SIZE == 0) {
-        list.windows[slot] = window;
+        list.bounds_uv[slot] = bounds_uv;
         list.diagonals[slot] = diagonals;
     }
 }

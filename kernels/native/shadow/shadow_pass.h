@@ -27,13 +27,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
                                       map_size(lights, distant, per_world(lights.cutoff, world, light)));
-    const PointReconstructor<LENS> sight = sight_of<LENS>(camera);
+    const PointReconstructor<LENS> sight = reconstructor_of<LENS>(camera);
     bool dims = false;
     if constexpr (Types::has(MESH) && Types::has(SHADING_BACKS)) {
         const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
-    return { made, sight, lit_sight(made, sight), camera.origin, dims };
+    return { made, sight, lit_reconstructor(made, sight), camera.origin, dims };
 }
 
 // Work for one light in one region. CUDA keeps it in shared memory: in registers it would crowd out what mesh
@@ -151,7 +151,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
-        const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
+        const TileBounds around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : bounds_uv_around(place, asks);
         if (!HAS_MESH && !may_occlude(list, around))
             return true;
         const Vec3 p = view.sight.point(i, j, depth);
@@ -203,7 +203,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     const int world = task.world;
     const unsigned bit = task.bit;
     const bool fresh = task.fresh;
-    const Windows<List::CAPACITY> windows(list);
+    const CasterBounds8<List::CAPACITY> bounds_uv(list);
     Points points;
     constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
     for (int tile = 0; tile < tiles; ++tile) {
@@ -212,7 +212,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const size_t first = corner + size_t(row) * target.width + column;
         if (!points.template load<Types>(view, target, first, left, region.top + row, bit, fresh))
             continue;
-        shade_tile<Types>(list, windows, view, world, shapes, meshes, fields, points);
+        shade_tile<Types>(list, bounds_uv, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);
     }
 #endif

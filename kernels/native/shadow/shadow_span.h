@@ -78,8 +78,8 @@ template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const Height
 }
 
 // Bounds of a tile's points that ask, and the lowest of them.
-struct TileWindow {
-    LightSpaceBounds window;
+struct TileBounds {
+    LightSpaceBounds bounds_uv;
     float floor;
 };
 

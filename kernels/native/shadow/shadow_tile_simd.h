@@ -95,7 +95,7 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
             MeshRays walk(node_rows(meshes, record.axis_z.w), face_rows(meshes, record.axis_z.w));
             unsigned walks = 0;
             for (int row = 0; row < Points::ROWS; ++row) {
-                const Int8 asks = points.may_be_shaded(row, list.windows[slot], list.heights[slot]);
+                const Int8 asks = points.may_be_shaded(row, list.bounds_uv[slot], list.heights[slot]);
                 if (!any(asks))
                     continue;
                 const Float8 near = points.near[row] + light.map.nearest;
@@ -133,29 +133,30 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
         }
 }
 
-// Clears `open` of the points that lie in the shadow of a caster in the list, of those in `windows`.
-template <class Types, int LENS, class List, class ListWindows, class Shapes, class Meshes, class HeightFields>
-inline void shade_tile(const List& list, const ListWindows& windows, const ReceiverView<LENS>& view, int world,
+// Clears `open` of the points that lie in the shadow of a caster in the list, of those in `bounds_uv`.
+template <class Types, int LENS, class List, class ListBounds, class Shapes, class Meshes, class HeightFields>
+inline void shade_tile(const List& list, const ListBounds& bounds_uv, const ReceiverView<LENS>& view, int world,
                        const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, Points& points)
 {
     constexpr bool HAS_MESH = Types::has(MESH);
     PointsAround around;
     around.add(points);
-    const TileWindow tile = around.window();
+    const TileBounds tile = around.bounds_uv();
     unsigned behind[List::WORDS] = {};  // meshes
     bool found = false;
     constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
-    for (int first = 0; first < windows.count; first += TOGETHER) {
+    for (int first = 0; first < bounds_uv.count; first += TOGETHER) {
         unsigned long long some = 0;
-        for (int number = first; number < first + TOGETHER && number < windows.count; number += SIMD_WIDTH)
-            some |= static_cast<unsigned long long>(windows.may_occlude(number / SIMD_WIDTH, tile)) << (number - first);
+        for (int number = first; number < first + TOGETHER && number < bounds_uv.count; number += SIMD_WIDTH)
+            some |= static_cast<unsigned long long>(bounds_uv.may_occlude(number / SIMD_WIDTH, tile))
+                    << (number - first);
         int tries[TOGETHER * Points::ROWS],
             count = 0;  // rows and casters, found without branches that cannot be foreseen
         for (; some; some &= some - 1) {
-            const int slot = windows.slot_of(first + __builtin_ctzll(some));
+            const int slot = bounds_uv.slot_of(first + __builtin_ctzll(some));
             for (int row = 0; row < Points::ROWS; ++row) {
                 tries[count] = slot * Points::ROWS + row;
-                count += any(points.may_be_shaded(row, list.windows[slot], list.heights[slot]));
+                count += any(points.may_be_shaded(row, list.bounds_uv[slot], list.heights[slot]));
             }
         }
         for (int k = 0; k < count; ++k) {

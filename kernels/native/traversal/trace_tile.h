@@ -193,10 +193,10 @@ template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     explicit RayLanes(const Rays& rays)
     {
         for (int lane = 0; lane < WARP_SIZE; ++lane) {
-            const OffsetRay beam = CameraRay<RAY_TABLE_WITH_ORIGINS> { rays.x[lane], rays.y[lane] }.beam();
+            const OffsetRay offset_ray = CameraRay<RAY_TABLE_WITH_ORIGINS> { rays.x[lane], rays.y[lane] }.offset_ray();
             for (int axis = 0; axis < 3; ++axis) {
-                start[axis][lane] = component(beam.start, axis);
-                direction[axis][lane] = component(beam.direction, axis);
+                start[axis][lane] = component(offset_ray.start, axis);
+                direction[axis][lane] = component(offset_ray.direction, axis);
             }
         }
     }
