@@ -120,7 +120,7 @@ def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
     """
     fields = {
         "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
         "mirrors": wp.array(dtype=Mirror),  # (world,)
         "transparent_index": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
         "seen_depth": wp.array(dtype=wp.float32),  # planar depth of what the view itself sees [m]

@@ -43,7 +43,7 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
     """
     fields: dict[str, Any] = {
         "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
     }
     if kind == "opaque":
         fields["transparent_index"] = wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent

@@ -39,6 +39,8 @@ template <class Shapes, class Splats> WARPCAM_DEVICE void load_cloud(Cloud& clou
         return;
     const auto position = *wp::address(shapes.positions, world, shape);
     const auto rotation = *wp::address(shapes.rotations, world, shape);
+    if (rotation.data[0][0] == 0.0f && rotation.data[1][0] == 0.0f && rotation.data[2][0] == 0.0f)
+        return;
     Mat3 r;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)

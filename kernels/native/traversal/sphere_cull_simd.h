@@ -8,7 +8,7 @@ namespace warpcam {
 struct Spheres {
     Vec3x8 at;  // world frame
     Float8 radius;
-    Int8 unknown;   // how large the shape is, or a pose or size is not a number
+    Int8 unknown;   // how large the shape is, or it is broken or formless: see Visible
     unsigned there;  // a bit each: the last may be fewer than eight
 };
 
@@ -37,7 +37,8 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
     const Float8 across = size.x + (pill ? size.y : none);
     const Float8 length = tube | solid ? size.y : none, depth = solid ? size.z : none;
     s.radius = sqrt(across * across + length * length + depth * depth);
-    const Int8 known = abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z) < MISS;
+    const Int8 finite = abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z) < MISS;
+    const Int8 known = finite & (turns != none) & ((size.x > none) | (size.y > none) | (size.z > none));
     s.unknown = ~(known & (ball | pill | tube | solid));
     s.there = (1u << count) - 1;
     return s;
