@@ -26,7 +26,7 @@ class CameraFrame:
             planar depth.
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
-        faults: uint8, (world,); set to 1 where a pose or size is not a number.
+        faults: uint8, (world,); set to 1 where a pose or size is not finite or 0.
         images: Arrays (world, height, width, channels) of the outputs.
         buffers: Arrays (world, height, width, 1) of the plan's buffers; only the rows of the group are there.
         mirrors: Mirror, (world,); empty where no image shows mirrors.

@@ -119,7 +119,7 @@ def _target_struct(seen_dtype: Any, shape_dtype: Any, face_dtype: Any) -> Any:
     ``shape`` is -2 where the mirror shows nothing and -1 where no mirror is seen; ``depth`` is from the mirrored view.
     """
     fields = visible_fields(shape_dtype, face_dtype) | {
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
         "mirrors": wp.array(dtype=Mirror),  # (world,)
         "transparent_index": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
         "seen_depth": wp.array(dtype=wp.float32),  # planar depth of what the view itself sees [m]

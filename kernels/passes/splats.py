@@ -94,6 +94,8 @@ def find_broken(
             for j in range(3):
                 for k in range(3):
                     total += rotation[j, k]
+            if wp.ddot(rotation, rotation) == 0.0 or wp.dot(size, size) == 0.0:
+                faults[world] = wp.uint8(1)
             if not wp.isfinite(total):
                 faults[world] = wp.uint8(1)
                 view = views[world]
@@ -103,7 +105,10 @@ def find_broken(
 
 @register("check of Gaussians")
 def bind_check(planned: PlannedPass[None], frame: CameraFrame) -> Stage:
-    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number."""
+    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number.
+
+    Clouds whose rotation or size is 0 are missing there, which is a fault, too.
+    """
     inputs = [frame.tables.shapes, frame.tables.splats, frame.mask, frame.faults, frame.views]
     return frame.launch(planned, find_broken, inputs, BLOCK_DIM)
 

@@ -45,7 +45,7 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         face_dtype: Integer type that holds every face, and of height fields one number more.
     """
     fields: dict[str, Any] = {
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
     }
     if kind == "opaque":
         fields["transparent_index"] = wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent

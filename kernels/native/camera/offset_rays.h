@@ -21,7 +21,8 @@ struct OffsetRay {
 
 WARPCAM_DEVICE Ray local_of(const OffsetRay& offset_ray, const ShapeRecord& record)
 {
-    return { as_vec3(record.origin) + transform_rows(record, offset_ray.start), transform_rows(record, offset_ray.direction) };
+    return { as_vec3(record.origin) + transform_rows(record, offset_ray.start),
+             transform_rows(record, offset_ray.direction) };
 }
 
 template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {

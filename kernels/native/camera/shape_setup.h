@@ -25,7 +25,8 @@ struct LocalBounds {
     Vec3 center, half;
 };
 
-enum Visible { HIDDEN, SEEN, BROKEN };  // BROKEN: a pose or size that is not a number
+// BROKEN: a pose or size is not finite. FORMLESS: its rotation is 0, or nothing of its size is above 0.
+enum Visible { HIDDEN, SEEN, BROKEN, FORMLESS };
 
 struct Shape {
     int type, id, asset;
@@ -220,11 +221,17 @@ WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const
     for (int i = 0; i < 3; ++i)
         sum += shape.rotation.at[i][0] + shape.rotation.at[i][1] + shape.rotation.at[i][2];
     const float sizes = shape.size.x + shape.size.y + shape.size.z;
-    if (!(abs(sum) < MISS) || sizes != sizes)
+    if (!(abs(sum) < MISS) || sizes != sizes || (shape.type != PLANE && !(abs(sizes) < MISS)))
         return BROKEN;
     form.extent = {};
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    return shape_bounds<Types>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
+    if (shape_bounds<Types>(shape, meshes, fields, form.extent, form.scale, record)) {
+        const auto& turn = shape.rotation.at;
+        return abs(turn[0][0]) + abs(turn[1][0]) + abs(turn[2][0]) > 0.0f ? SEEN : FORMLESS;
+    }
+    const bool has_asset = shape.type == MESH || shape.type == HEIGHT_FIELD;
+    const bool sized = !has_asset || (Types::has(PER_SHAPE_SCALE) && shape.asset >= 0);
+    return sized && max(max(shape.size.x, shape.size.y), shape.size.z) <= 0.0f ? FORMLESS : HIDDEN;
 }
 
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four

@@ -39,6 +39,8 @@ template <class Shapes, class Splats> WARPCAM_DEVICE void load_cloud(Cloud& clou
         return;
     const auto position = *wp::address(shapes.positions, world, shape);
     const auto rotation = *wp::address(shapes.rotations, world, shape);
+    if (rotation.data[0][0] == 0.0f && rotation.data[1][0] == 0.0f && rotation.data[2][0] == 0.0f)
+        return;
     const Mat3 r = as_mat3(rotation), m = transposed_times(r, camera.rotation);
     const Vec3 scale { 1.0f / size.x, 1.0f / size.y, 1.0f / size.z };
     const Vec3 o = mul(scale, transform_transposed(r, camera.origin - as_vec3(position)));

@@ -8,7 +8,7 @@ namespace warpcam {
 struct Spheres {
     Vec3x8 at;  // world frame
     Float8 radius;
-    Int8 unknown;   // how large the shape is, or a pose or size is not a number
+    Int8 unknown;   // how large the shape is, or it is broken or formless: see Visible
     unsigned there;  // a bit each: the last may be fewer than eight
 };
 
@@ -39,8 +39,10 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
             sum += turn[n];
         turns[k] = sum;
     }
+    const Float8 none = 0.0f;
     s.radius = bounding_radii(type, size, AnalyticShapes());
-    s.unknown = ~(abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z + s.radius) < MISS);
+    s.unknown = ~((abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z + s.radius) < MISS) & (turns != none)
+                  & ((size.x > none) | (size.y > none) | (size.z > none)));
     s.there = (1u << count) - 1;
     return s;
 }
