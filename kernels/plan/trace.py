@@ -142,7 +142,7 @@ def plan_trace(
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
-    painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
+    with_albedo = bool(outputs & TraceFlag.TRACE_ALBEDO)
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
         threes = not {"points", "normals"}.isdisjoint(images)
         outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and threes)
@@ -153,10 +153,10 @@ def plan_trace(
         outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
     parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
     threads = launches.world_threads(parts, device)
-    types = launches.scene_types(tables, device, appearance=painted, lit=opaque)
+    types = launches.scene_types(tables, device, appearance=with_albedo, lit=opaque)
     types = launches.in_order(types, len(group.worlds) * threads, device)
     several = tables.num_drawn > capacity
-    known = facts if painted else NO_FACTS
+    known = facts if with_albedo else NO_FACTS
     return PlannedLaunch(TraceKey(types, LENSES[lens], capacity, several, region, outputs, known), threads)
 
 

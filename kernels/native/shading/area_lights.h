@@ -109,7 +109,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical,
     team_barrier();
 }
 
-// Light at a place: from where, how much of the lamp's colours if it falls straight, and its spread.
+// Light at a place: from where, how much of its colours if it falls straight, and how wide it seems.
 template <class Vector> struct AreaLightSample {
     Vector to_light;
     NumberOf<Vector> share, sine_squared;

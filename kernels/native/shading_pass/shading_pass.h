@@ -33,7 +33,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
                                - CACHED * int(sizeof(Appearances)) - 1024;
 #else
-    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled for.
+    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled
+    // for.
     constexpr int GRID_BYTES =
         CAPACITY > 0 && CAPACITY <= 64 ? VERTEX_GRID_BYTES : SHARED_BYTES - CACHED * int(sizeof(Appearances)) - 1024;
 #endif
@@ -224,7 +225,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         constexpr bool APART = (FACTS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
         constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
-        Painted<ROWS * WIDTH, IMAGES, APART> painted;
+        ShadedRows<ROWS * WIDTH, IMAGES, APART> shaded;
         const int width = min(WIDTH, frame.width - left), bottom = min(top + HEIGHT, frame.height);
         RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRROR_VIEW, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
@@ -239,18 +240,18 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             const size_t corner = first + size_t(start) * frame.width + left;
             ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            paint_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
-                                                                                  corner, look_at, painted);
+            shade_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+                                                                                  corner, look_at, shaded);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
                 if constexpr (!APART)
-                    painted.write(scene.images, frame.shape, at, row * WIDTH, width);
+                    shaded.write(scene.images, frame.shape, at, row * WIDTH, width);
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
                         resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
                             looks, list, scene, own_camera(pixel), transparent_shapes, region, world, pixel,
-                            find<Types, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
+                            find<Types, IMAGES, FACTS>(frame, pixel), shaded.shown(row * WIDTH + column));
                     }
             }
         }

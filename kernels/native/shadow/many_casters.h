@@ -65,7 +65,7 @@ WARPCAM_DEVICE Asking asking_at(const LightPass<LENS>& task, const Target& targe
     a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
     if (a.id >= 0) {
         const float depth = target.depth.data[a.at];
-        a.p = view.sight.point(float(i), float(j), depth);
+        a.p = view.reconstructor.point(float(i), float(j), depth);
         a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
         a.span = span_of(view.light, view.origin, a.p, depth);
         a.asks = a.span.near < a.span.reach;

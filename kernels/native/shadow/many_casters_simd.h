@@ -22,7 +22,7 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
                  w = dot(broadcast(light.w), from);
     Float8 left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
     Int8 unknown = s.unknown;
-    if (!light.distant) {  // as window_of()
+    if (!light.distant) {  // as bounds_uv_of()
         const Int8 aside = ~(w - half > 1.0e-3f * half);
         const Float8 nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
         unknown |= aside;

@@ -129,7 +129,7 @@ struct Places {
     using type = VisibilityHistory<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
+    static constexpr bool WHOLE = WHOLE_, WRITES_ALBEDO = false, LOOKS_AT_FLOORS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
 struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {

@@ -138,7 +138,7 @@ struct TraceTarget {
                     facings.template note<Types>(slot, list.records[slot], list.ids[slot], camera);
         }
 #endif
-        if constexpr (Places_::PAINTS)
+        if constexpr (Places_::WRITES_ALBEDO)
             places.face(list, thread, threads);
     }
 
@@ -229,7 +229,7 @@ struct TraceTarget {
     {
         if constexpr (!names_slots(OUTPUTS))
             return hit.shape;
-        else if constexpr (Places_::PAINTS)
+        else if constexpr (Places_::WRITES_ALBEDO)
             return places.slots[hit.shape + 1].id;
         else
 #if defined(__CUDA_ARCH__)
@@ -313,12 +313,12 @@ struct TraceTarget {
                 whole = true;
                 put_whole(i, j, rays, hits, row_of_lanes);
             }
-        if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
+        if constexpr (Places_::WRITES_ALBEDO) {  // there is one pass, and all tiles lie in the image
             const auto slots = places.slots_of(hits);
             if (!whole)
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
-            places.paint(*this, i, j, rays, hits, slots);
+            places.write_albedo(*this, i, j, rays, hits, slots);
         } else if (!whole) {
             for (int k = 0; k < TILES_PER_WARP; ++k)
                 write_hit(i, j, hits[k], first_pass, k);
@@ -402,8 +402,8 @@ struct TraceTarget {
             find_points<false>(camera, rays, hits, values);
             store_threes(*this, target.points.data, i, j, values, row_of_lanes);
         }
-        if constexpr (Places_::PAINTS)
-            places.paint_bare(*this, i, j, rays, hits);
+        if constexpr (Places_::WRITES_ALBEDO)
+            places.write_plane_albedo(*this, i, j, rays, hits);
     }
 #endif
 };

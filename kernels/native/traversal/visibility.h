@@ -11,9 +11,9 @@
 
 namespace warpcam {
 
-// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
-// own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the
-// shape is left out.
+// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records
+// name their own slots in place of their shapes, and in place of an asset where these stand among the drawn ones.
+// hidden(id): the shape is left out.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
@@ -259,9 +259,9 @@ template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list
 #endif
 }
 
-// Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
-// shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
-// late(): what may wait until shapes are listed, and needs no other threads.
+// Draws the shapes that are not hidden into the trace target's region; the list has begun. MULTIPASS: the scene may
+// have more shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the
+// last. late(): what may wait until shapes are listed, and needs no other threads.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class TraceTarget_, class Shapes,
           class Meshes, class HeightFields, class Hidden, class Late>
 WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Shapes& shapes,
@@ -318,7 +318,7 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceSh
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
-    float lines[LINES];  // see Canvas
+    float lines[LINES];  // see TraceTarget
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -383,7 +383,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
         draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, trace_target, shapes, meshes, fields, hidden,
                                                                   late, world, thread);
     };
-    if constexpr (Near::PAINTS) {
+    if constexpr (Near::WRITES_ALBEDO) {
         const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
         places.begin(scene, camera, region, target.plane, world, thread);
         draw([&] { places.load_looks(scene, camera, world, thread); });
