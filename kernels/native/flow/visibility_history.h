@@ -28,7 +28,7 @@ constexpr float TO_WHOLE = 12582912.0f;
 
 // Packed word of a pixel: shape in the upper bits, all ones where nothing is visible; depth in the lower bits. `last`:
 // the fourth of the shape's rows.
-template <bool BRIEF> struct PackedVisibility;
+template <bool SHORT> struct PackedVisibility;
 
 // The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
 template <> struct PackedVisibility<false> {

@@ -67,7 +67,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
     using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
     WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
-    WARPCAM_SHARED Camera kept_camera;
+    WARPCAM_SHARED Camera shared_camera;
     WARPCAM_SHARED TransparentList transparent_shapes;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
@@ -79,7 +79,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     const unsigned first = unsigned(world) * frame.width * frame.height;
     const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
-        kept_camera = camera;
+        shared_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
         gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE),
                                list);
@@ -180,8 +180,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, one,
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, one,
                                                                     find<Types, IMAGES, FACTS>(frame, one));
             });
         return;
@@ -199,11 +199,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
-                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), transparent_shapes,
+                    looks, list, scene, camera_at<LENS>(shared_camera, pixel.column, pixel.row), transparent_shapes,
                     region, world, pixel, found);
             else
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, pixel, found);
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, pixel, found);
         }
     }
 #else

@@ -178,10 +178,10 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
                     keep = false;
                 }
             }
-            const unsigned kept = __ballot_sync(FULL_WARP, keep);
-            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
+            const unsigned active = __ballot_sync(FULL_WARP, keep);
+            rays[warp].put(active, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
             __syncwarp();
-            found = __popc(kept);
+            found = __popc(active);
         }
         if (asks && !open)
             mark_shadow<BESIDE>(target, at, task.bit);
@@ -267,7 +267,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     bool fresh = true;
     unsigned floors = 0;
@@ -288,7 +288,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         int first = 0, place = -1;
         while (casting || first < num_lights) {
             if (!casting) {
-                place = kept.next_of_lanes(lights, world, first + thread % WARP_SIZE, num_lights);
+                place = active.next_of_lanes(lights, world, first + thread % WARP_SIZE, num_lights);
                 casting = __ballot_sync(FULL_WARP, place >= 0 && casts(lights, world, first + thread % WARP_SIZE));
                 first += WARP_SIZE;
                 continue;
@@ -333,7 +333,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
     }
 #endif
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         auto& list = lists[0];

@@ -166,7 +166,7 @@ struct TraceTarget {
                 places.expect(target.history, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if constexpr (has_table(LENS))
-            if (is_blind(ray(i, j)))
+            if (sees_nothing(ray(i, j)))
                 hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = next_float(target.depth.data[at(i, j)]);
@@ -336,10 +336,10 @@ struct TraceTarget {
             if (inside(i, j + k * TILE_HEIGHT))
                 put<OUTPUTS & ~VECTOR_OUTPUTS>(i, j, hits[k], k);
         if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0)
-            store_threes(*this, target.normals.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.normals.data, i, j, values, row_of_lanes);
         if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
             find_points<true>(camera, rays, hits, values);
-            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.points.data, i, j, values, row_of_lanes);
         }
     }
 
@@ -400,7 +400,7 @@ struct TraceTarget {
         if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
             Vec3 values[TILES_PER_WARP];
             find_points<false>(camera, rays, hits, values);
-            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.points.data, i, j, values, row_of_lanes);
         }
         if constexpr (Places_::WRITES_ALBEDO)
             places.write_plane_albedo(*this, i, j, rays, hits);
