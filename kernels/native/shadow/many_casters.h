@@ -289,7 +289,7 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
         const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        block_sync();  // what is active for the block may still be in use
+        block_sync();  // what is kept for the block may still be in use
         if (thread == 0) {
             camera = load_camera(wp::index(views, world));
             task = {

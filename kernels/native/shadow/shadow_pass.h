@@ -178,10 +178,10 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
                     keep = false;
                 }
             }
-            const unsigned active = __ballot_sync(FULL_WARP, keep);
-            rays[warp].put(active, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
+            const unsigned kept = __ballot_sync(FULL_WARP, keep);
+            rays[warp].put(kept, met, (list.count + 31) / 32, row * 64 + column, p, thin_span(view.light, span));
             __syncwarp();
-            found = __popc(active);
+            found = __popc(kept);
         }
         if (asks && !open)
             mark_shadow<BESIDE>(target, at, task.bit);
