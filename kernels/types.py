@@ -65,11 +65,12 @@ class Shapes:
     ids: wp.array2d(dtype=wp.int32)  # (world, shape) the source's id, -1 where a world has none; empty: as `shape`
     body_ids: wp.array2d(dtype=wp.int32)  # (world, shape) likewise, instead of `bodies`
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
-    rotations: wp.array2d(dtype=wp.mat33)  # (world, shape) columns are the shape's axes in the world frame
+    # (world, shape) columns are the shape's axes in the world frame; zeros are a fault of a world that draws the shape
+    rotations: wp.array2d(dtype=wp.mat33)
     # (world*, shape) sphere r; capsule, cylinder and cone (r, half length along z); barrel (r of its ends, half
     # length, r of its arc or 0 for a straight side); ellipsoid and box half extents; plane half widths
     # in x and y, 0 = infinite; meshes and height fields: scales along their axes if PER_SHAPE_SCALE is among
-    # the scene's flags, else not read [m]
+    # the scene's flags, else not read [m]. A size of which nothing is above 0 is a fault as zeros of a rotation are
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1

@@ -46,14 +46,12 @@ def _kind(outputs: TraceFlag) -> str:
 def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     """Bind the trace of one camera."""
     key, tables = planned.key, frame.tables
-    arrays = {role: array for role in (*ARRAYS, "ids") if (array := frame.find(planned, role)) is not None}
     kind = _kind(key.outputs)
-    target_type = target_struct(kind, dtype_of(arrays.get("shape")), dtype_of(arrays.get("face")))
-    target = target_type()
+    shape, face = frame.find(planned, "shape"), frame.find(planned, "face")
+    target_type = target_struct(kind, dtype_of(shape), dtype_of(face))
+    target = frame.fill(planned, target_type(), (*ARRAYS, "ids"))
     target.mask, target.faults = frame.mask, frame.faults
     target.width, target.height = frame.width, frame.height
-    for role, array in arrays.items():
-        setattr(target, role, array)
     if kind == "flow":
         target.history = frame.flow_history
     elif kind == "albedo":

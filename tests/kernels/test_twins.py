@@ -36,9 +36,9 @@ def rays(rng):
 def entry(kind):
     return Twin(
         rays,
-        setup="ShapeRecord record {}; record.size = { same(6), same(7), 0.0f, 0 };",
-        one=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
-        eight=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
+        setup="const Float3Int size { same(6), same(7), 0.0f, 0 };",
+        one=f"exact({kind.title()}Traits::intersect(size, vec(0), vec(3)));",
+        eight=f"exact({kind.title()}Traits::intersect(size, vec(0), vec(3)));",
     )
 
 
@@ -65,7 +65,7 @@ def map_place(distant):
     )
 
 
-RAYS = Family("geometry/intersect.h", {f"enter {kind}": entry(kind) for kind in TYPES})
+RAYS = Family("geometry/intersect.h", {f"intersect {kind}": entry(kind) for kind in TYPES})
 MAPS = Family("lights/shadow_extent.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
 
 # Hits: place in the shape's frame 0, ray 3, face 6; of a pose rotation 9, centre of projection 18, size 21.

@@ -44,7 +44,8 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     using Edges = CachedEdges<WIDTH, HEIGHT>;
     using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / WARP_SIZE;
-    static constexpr bool SIDED = Types::has_any(BOX, CYLINDER);
+    static constexpr int SIDED_TYPES = Types::GEOMETRY & TYPES_WITH_FACES;
+    static constexpr bool SIDED = SIDED_TYPES != 0;
     static constexpr bool ROUND = Types::has_any(SPHERE, ELLIPSOID);
     static constexpr int TRACED = (Types::ANALYTIC & ~(1 << ELLIPSOID)) | (ROUND ? 1 << SPHERE : 0);
 
@@ -199,14 +200,14 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
 
     WARPCAM_DEVICE static bool is_sided(const ShapeRecord& record)
     {
-        return SIDED && (record.axis_x.w == BOX || record.axis_x.w == CYLINDER);
+        return record.axis_x.w >= 0 && (SIDED_TYPES >> record.axis_x.w & 1);
     }
 
     // Selects the neighbouring pixel that shows a sample's hit on a shape with sides, as shown_sample() does.
     WARPCAM_DEVICE int shown_side(const Spot& spot, int sample, const ShapeRecord& record) const
     {
         const CameraRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);
-        const float depth = intersect_any<Types::GEOMETRY & (1 << BOX | 1 << CYLINDER)>(record, ray.local(record));
+        const float depth = intersect_any<SIDED_TYPES>(record, ray.local(record));
         unsigned left = showing(spot, record.origin.w), order = Neighborhood3x3::order(sample);
         int best_at = nearest(left, order);
         left &= ~(1u << best_at);

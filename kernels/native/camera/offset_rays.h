@@ -21,12 +21,8 @@ struct OffsetRay {
 
 WARPCAM_DEVICE Ray local_of(const OffsetRay& offset_ray, const ShapeRecord& record)
 {
-    const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
-    const Vec3 s = offset_ray.start, d = offset_ray.direction;
-    return { { o.x + (ax.x * s.x + ax.y * s.y + ax.z * s.z), o.y + (ay.x * s.x + ay.y * s.y + ay.z * s.z),
-               o.z + (az.x * s.x + az.y * s.y + az.z * s.z) },
-             { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
-               az.x * d.x + az.y * d.y + az.z * d.z } };
+    return { as_vec3(record.origin) + transform_rows(record, offset_ray.start),
+             transform_rows(record, offset_ray.direction) };
 }
 
 template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {

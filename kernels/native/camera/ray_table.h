@@ -15,10 +15,6 @@ namespace warpcam {
 constexpr float NO_RAY = 1.0e18f;  // what is greater are the coordinates of a pixel that sees nothing
 constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
 
-struct Mat3 {
-    float at[3][3];
-};
-
 // One camera in one world (types.py, View). With a table scale_x has the bits of the image's width + 65536 * height,
 // scale_y the angle between neighbouring rays, of offset ones and how far apart they begin, and center_x and center_y
 // the bits of the table's address.

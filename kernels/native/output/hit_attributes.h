@@ -16,13 +16,6 @@ template <class Types, class Face> WARPCAM_DEVICE int stored_face(Face face)
 // later is seen, as within a pass.
 WARPCAM_DEVICE float next_float(float depth) { return as_float(as_int(depth) + 1); }
 
-template <class Vector = Vec3> WARPCAM_DEVICE Vector transform(const Mat3& m, Vector v)
-{
-    return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
-             m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,
-             m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
-}
-
 // With a table, whose depth is the distance, the planar depth: the other of the two.
 template <int LENS> WARPCAM_DEVICE float distance_of(const Hit& hit, const CameraRay<LENS>& seen)
 {

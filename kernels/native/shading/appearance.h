@@ -78,11 +78,7 @@ struct TextureLayout {
 struct ShapeToWorldRotation {
     Float3Int axis_x, axis_y, axis_z;
 
-    WARPCAM_DEVICE Vec3 world(Vec3 v) const
-    {
-        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
-                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
-    }
+    WARPCAM_DEVICE Vec3 world(Vec3 v) const { return transform_rows(*this, v); }
 };
 
 // Offset of a texture on its shape, in images.
@@ -118,26 +114,17 @@ WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& mes
 {
     const auto r = wp::index(shapes.rotations, world, id);
     const Vec3 away = camera.origin - as_vec3(wp::index(shapes.positions, world, id));
-    Mat3 turn, view;
-    float eye[3];
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            turn.at[i][j] = r.data[i][j];
-    for (int i = 0; i < 3; ++i) {
-        eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
-        for (int j = 0; j < 3; ++j)
-            view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
-                            + turn.at[2][i] * camera.rotation.at[2][j];
-    }
+    const Mat3 turn = as_mat3(r), view = transposed_times(turn, camera.rotation);
+    const Vec3 eye = transform_transposed(turn, away);
     const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
     Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
     if (Types::has(MESH) && !Types::has(PER_SHAPE_SCALE) && type == MESH && asset >= 0) {
         size.x = as_float(wp::index(meshes.face_start, asset));
         size.y = as_float(wp::index(meshes.corner_start, asset));
     }
-    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
-             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
-             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
+    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye.x) },
+             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye.y) },
+             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye.z) },
              make_float3_int(size, type + 16 * (asset + 1)) };
 }
 
@@ -181,10 +168,6 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
 {
     const Vec3 size = as_vec3(pose.size);
     const int type = pose.type(), asset = pose.asset();
-    if (type == SPHERE)
-        return { size.x, size.x, size.x };
-    if (type == CAPSULE || type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)))
-        return { size.x, size.x, size.y };
     if (Types::has(MESH) && type == MESH && asset >= 0) {
         const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
@@ -193,7 +176,9 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
         const auto field = wp::index(fields.size, asset);
         return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
     }
-    return size;
+    Vec3 half = size;
+    visit_shape<Types::GEOMETRY>(type, [&](auto shape) { half = shape.axes(size); });
+    return half;
 }
 
 // Repeats of an image along an axis. MuJoCo's renderer takes values that are not positive for 1, except where it

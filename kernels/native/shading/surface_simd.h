@@ -21,32 +21,6 @@ inline SurfaceInteraction get_lane(const SurfaceInteraction8& surface, int k)
              surface.weight2[k] };
 }
 
-inline void ellipsoid_surface(Vec3 half, SurfaceInteraction8& surface)
-{
-    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) };
-    surface.normal = normalized(mul(surface.local, broadcast(mul(rate, rate))));
-}
-
-// Shapes that are seldom seen, one hit at a time.
-template <class Find> inline void each_surface(const Vec3x8& ray, SurfaceInteraction8& surface, const Find& find)
-{
-    for (int k = 0; k < SIMD_WIDTH; ++k) {
-        SurfaceInteraction one {};
-        one.local = get_lane(surface.local, k);
-        find(get_lane(ray, k), one);
-        set_lane(surface.normal, k, one.normal);
-        surface.part[k] = one.part;
-    }
-}
-static WARPCAM_NOINLINE void cone_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
-{
-    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { cone_surface(size, ray, one); });
-}
-static WARPCAM_NOINLINE void barrel_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
-{
-    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { barrel_surface(size, ray, one); });
-}
-
 template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surface(const HeightFields& fields,
                                                                                     int field, const int* faces,
                                                                                     SurfaceInteraction8& surface)

@@ -113,8 +113,8 @@ WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materia
                                                                   world,  plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
     const Vec3 eye = as_vec3(mirror.eye);
-    const auto hidden = [&](int id) {
-        return id == itself || !solid(shapes, materials, target.transparent_index, world, id)
+    const auto hidden = [&](int id, bool formless) {
+        return formless || id == itself || !solid(shapes, materials, target.transparent_index, world, id)
                || turned_away<Types>(shapes, eye, world, id);
     };
     draw_region<Types, LENS, false, MULTIPASS>(

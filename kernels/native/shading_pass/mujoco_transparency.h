@@ -29,16 +29,13 @@ template <int CAPACITY> struct TransparentShapes {
 };
 
 // Radius of a sphere around a shape that holds it, for shapes that are not geoms.
-WARPCAM_DEVICE float reach_of(const Shape& shape)
+template <class Types> WARPCAM_DEVICE float bounding_radius(const Shape& shape)
 {
     const Vec3 s = shape.size;
-    if (shape.type == SPHERE)
-        return s.x;
-    if (shape.type == CAPSULE)
-        return s.x + s.y;
-    if (shape.type == CYLINDER)
-        return sqrt(s.x * s.x + s.y * s.y);
-    return shape.type == ELLIPSOID ? max(max(s.x, s.y), s.z) : sqrt(dot(s, s));
+    float radius = sqrt(dot(s, s));
+    visit_shape<Types::GEOMETRY & ~(1 << PLANE)>(shape.type,
+                                                 [&](auto traits) { radius = traits.bounding_radius(s.x, s.y, s.z); });
+    return radius;
 }
 
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
@@ -80,7 +77,8 @@ WARPCAM_DEVICE void gather_transparent(TransparentShapes<CAPACITY>& list, const 
         const int slot = atomic_append(list.count);
         list.records[slot] = record;
         const float reach = wp::index(scene.frame.reach, id);
-        list.distance[slot] = plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
+        list.distance[slot] =
+            plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? bounding_radius<Types>(shape) : reach);
         list.opacity[slot] = alpha;
         list.ids[slot] = id;
         list.touched[slot] = tiles;

@@ -11,29 +11,21 @@ namespace warpcam {
 struct WorldRay {
     Vec3 point, direction;
 
-    WARPCAM_DEVICE static Vec3 transform(const ShapeRecord& record, Vec3 v, Vec3 start)
-    {
-        const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
-        return { ax.x * v.x + ax.y * v.y + ax.z * v.z + start.x, ay.x * v.x + ay.y * v.y + ay.z * v.z + start.y,
-                 az.x * v.x + az.y * v.y + az.z * v.z + start.z };
-    }
-
     WARPCAM_DEVICE Ray local(const ShapeRecord& record) const
     {
-        const Float3Int o = record.origin;
-        return { transform(record, point, { o.x, o.y, o.z }), transform(record, direction, { 0.0f, 0.0f, 0.0f }) };
+        return { transform_rows(record, point, record.origin), transform_rows(record, direction) };
     }
 
     template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
         if constexpr (Types::has(PER_SHAPE_SCALE))
             return frame_along(local(record));
-        const Vec3 d = direction, none { 0.0f, 0.0f, 0.0f };
+        const Vec3 d = direction;
         // any vector that is not along d, made perpendicular to it
         const bool steep = abs(d.z) > abs(d.x);
         const Vec3 across = steep ? Vec3 { 0.0f, d.z, -d.y } : Vec3 { d.y, -d.x, 0.0f };
-        return { local(record).origin, transform(record, across, none), transform(record, cross(across, d), none),
-                 transform(record, 1.0f / dot(d, d) * d, none) };
+        return { local(record).origin, transform_rows(record, across), transform_rows(record, cross(across, d)),
+                 transform_rows(record, 1.0f / dot(d, d) * d) };
     }
 };
 

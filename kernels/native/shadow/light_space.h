@@ -179,14 +179,9 @@ WARPCAM_DEVICE LightSpacePoint place_of(bool distant, Vec3 p)
 // Support of a shape: its reach from the centre along a unit direction in the shape's frame.
 WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 {
-    const Vec3 a { abs(n.x) * half.x, abs(n.y) * half.y, abs(n.z) * half.z };
-    if (type == SPHERE || type == ELLIPSOID)
-        return sqrt(dot(a, a));
-    if (type == CAPSULE)
-        return a.z + half.x * (1.0f - abs(n.z));
-    if (type == CYLINDER)
-        return a.z + sqrt(a.x * a.x + a.y * a.y);
-    return a.x + a.y + a.z;
+    float reach = ConvexTraits::support(half, n);
+    visit_shape<ROUND_TYPES>(type, [&](auto shape) { reach = shape.support(half, n); });
+    return reach;
 }
 
 // The bounds of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its

@@ -164,8 +164,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             const ShapeRecord& record = list.records[slot];
             const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
             if (keep && record.axis_y.w == id) {
-                const Vec3 view_direction =
-                    WorldRay::transform(record, view.reconstructor.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
+                const Vec3 view_direction = transform_rows(record, view.reconstructor.along_of(p, i, j));
                 const Facing facing =
                     face_light<Types>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
                                       { as_vec3(list.aims[slot]), ray.direction, view_direction });

@@ -39,7 +39,7 @@ WARPCAM_DEVICE Span thin_span(const LightView& light, const Span& span)
 WARPCAM_DEVICE Ray look_back(const ShapeRecord& record, const Float3Int& aim, Vec3 p, bool distant)
 {
     const Float3Int o = record.origin;
-    const Vec3 origin = WorldRay::transform(record, p, { o.x, o.y, o.z });
+    const Vec3 origin = transform_rows(record, p, o);
     const float s = distant ? 0.0f : 1.0f;
     return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
 }

@@ -170,6 +170,8 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
             found = find_form<Types>(made, meshes, fields, form, record);
         if (found == BROKEN)
             broken[at] = 1;
+        if (found == FORMLESS && listed)
+            faults.data[world] = 1;
         if (found == SEEN && listed
             && place<Types, LENS, true, 4>(made, form, camera, { 0, 0, width, height }, record, tiles) == SEEN) {
             key = record.size.w & 0x7fffffff;

@@ -13,7 +13,7 @@ namespace warpcam {
 
 // Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records
 // name their own slots in place of their shapes, and in place of an asset where these stand among the drawn ones.
-// hidden(id): the shape is left out.
+// hidden(id, formless): the shape is left out; a formless one always is, and is a fault of a world that would draw it.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
@@ -27,7 +27,7 @@ WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shape
         setup_shape<Types, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
     if (seen == BROKEN)
         list.broken = 1;
-    if (seen == SEEN && !hidden(id)) {
+    if ((seen == SEEN || seen == FORMLESS) && !hidden(id, seen == FORMLESS)) {
         const int slot = atomic_append(list.count);
         if (HITS_NAME_SLOTS) {
             record.axis_y.w = slot;
@@ -374,11 +374,14 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
         target, shapes, list,         camera,     region,
         world,  places, room.facings, room.lines, room.lines + (TraceTarget_::LINED ? WIDTH : 0)
     };
-    const auto hidden = [&](int id) {
+    const auto hidden = [&](int id, bool formless) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.transparent_index, world, id);
-        else
-            return transparent(shapes, materials, world, id);
+            if (!formless)
+                return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.transparent_index, world, id);
+        const bool unseen = transparent(shapes, materials, world, id);
+        if (formless && !unseen)
+            target.faults.data[world] = 1;
+        return unseen || formless;
     };
     const auto draw = [&](const auto& late) {
         draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, trace_target, shapes, meshes, fields, hidden,

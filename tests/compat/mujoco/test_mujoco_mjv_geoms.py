@@ -329,3 +329,20 @@ def test_what_is_not_drawn_is_refused(pair: Pair, name: str) -> None:
     write, message = REFUSED[name]
     with pytest.raises(wc.WarpcamError, match=message):
         picture(pair.ours, pair.data, lambda scene: write(scene) and None)
+
+
+def test_geoms_without_a_form_are_left_out(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
+    """An arrow of length 0, a size of zeros and a rotation of zeros show nothing, and are no faults of the state."""
+
+    def formless(scene: mujoco.MjvScene) -> None:
+        connect(scene, GEOM.mjGEOM_ARROW, 0.0, (0, 0, 0.6), (0, 0, 0.6), shown=True)
+        for kind in (GEOM.mjGEOM_BOX, GEOM.mjGEOM_SPHERE, GEOM.mjGEOM_ELLIPSOID):
+            add(scene, kind, (0, 0, 0), (0, 0, 0.6), shown=True)
+            add(scene, kind, (0.2, 0.2, 0.2), (0, 0, 0.6), mat=np.zeros((3, 3)), shown=True)
+
+    model, data = made()
+    with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
+        for mode in ("", "segmentation"):
+            seen = picture(renderer, data, formless, mode)
+            assert (seen == picture(renderer, data, mode=mode)).all()
+    assert "faulty" not in caplog.text

@@ -155,6 +155,7 @@ class _Reader:
                 raise WarpcamError(f"{what}, which warpcam does not draw; allowed are {allowed}")
             READERS[kind](self, np.flatnonzero(there & (geoms["type"] == kind)))
         mjv_geoms = self._joined(chosen, hidden, lights)
+        mjv_geoms = mjv_geoms.some(mjv_geoms.has_form())
         return mjv_geoms.solid() if self._solid else mjv_geoms.some(mjv_geoms.colors[:, 3] > 0.0)
 
     def add(self, of: np.ndarray, kind: int, sizes: Any, along: Any = 0.0, flip: bool = False, **more: Any) -> None:

@@ -255,7 +255,8 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
                 upright = along / length
             out.positions[world, column] = 0.5 * (line.start + line.end)
             out.rotations[world, column] = turn_to(upright)
-            out.sizes[world, column] = wp.vec3(line.radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
+            half = wp.where(line.radius > 0.0, 0.5 * length, 1.0)  # zeros alone would be a fault of the world
+            out.sizes[world, column] = wp.vec3(line.radius, half, wp.where(kind == EDGE, -1.0, 0.0))
 
     return write_table
 

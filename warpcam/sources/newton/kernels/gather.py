@@ -29,7 +29,7 @@ class FlatShapes:
     face_colors: wp.array(dtype=wp.vec3)  # (triangle,) display colour of soft surfaces; may be empty: white
     face_opacities: wp.array(dtype=wp.float32)  # (triangle,) may be empty: 1
     points: wp.array(dtype=wp.vec3)  # (particle,) world frame [m]
-    radii: wp.array(dtype=wp.float32)  # (particle,) [m]
+    radii: wp.array(dtype=wp.float32)  # (particle,) [m]; 0 hides the particle
     point_flags: wp.array(dtype=wp.int32)  # (particle,) without ACTIVE the particle is hidden
 
 
@@ -57,6 +57,16 @@ class WorldShapes:
     body_rotations: wp.array2d(dtype=wp.mat33)
 
 
+@wp.func
+def rotation_in(pose: wp.transform) -> wp.mat33:
+    """Rotation matrix of a pose; zeros for a quaternion of zeros, which makes no image."""
+    turn = wp.transform_get_rotation(pose)
+    rotation = wp.quat_to_matrix(turn)
+    if wp.length_sq(turn) == 0.0:
+        rotation = wp.mat33()
+    return rotation
+
+
 @wp.kernel(enable_backward=False)
 def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
     index = first + wp.tid()
@@ -74,7 +84,7 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         if body >= 0:
             pose = flat.body_transforms[body]
             position = wp.transform_get_translation(pose)
-            rotation = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+            rotation = rotation_in(pose)
         out.body_positions[world, place] = position
         out.body_rotations[world, place] = rotation
         return
@@ -84,8 +94,9 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         shown = wp.float32(0.0)
         if particle >= 0:
             out.positions[world, column] = flat.points[particle]
-            out.sizes[world, column] = wp.vec3(flat.radii[particle], 0.0, 0.0)
-            if (flat.point_flags[particle] & ACTIVE) != 0:
+            radius = flat.radii[particle]
+            out.sizes[world, column] = wp.vec3(radius, 0.0, 0.0)
+            if (flat.point_flags[particle] & ACTIVE) != 0 and radius > 0.0:
                 shown = 1.0
         out.rotations[world, column] = wp.identity(n=3, dtype=wp.float32)
         out.colors[world, column] = wp.vec4(1.0, 1.0, 1.0, shown)
@@ -129,7 +140,7 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
             opacity = 0.0
     color = flat.colors[shape]
     out.positions[world, column] = wp.transform_get_translation(pose)
-    out.rotations[world, column] = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+    out.rotations[world, column] = rotation_in(pose)
     out.sizes[world, column] = size
     out.colors[world, column] = wp.vec4(color[0], color[1], color[2], opacity)
 
