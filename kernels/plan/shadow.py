@@ -23,7 +23,7 @@ WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEE
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CPU_CAPACITIES = (64, 192)  # the same on a CPU, whose kernels take no longer with room to spare
 MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
-MANY = 384  # shapes; more are such a crowd
+MANY = 384  # shapes; with more, native/shadow/many_casters.h
 MOST = 2**20  # shapes that can be told apart there
 
 

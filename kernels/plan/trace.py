@@ -142,10 +142,10 @@ def plan_trace(
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
-    painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
+    with_albedo = bool(outputs & TraceFlag.TRACE_ALBEDO)
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
-        threes = not {"points", "normals"}.isdisjoint(images)
-        outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and threes)
+        vectors = not {"points", "normals"}.isdisjoint(images)
+        outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and vectors)
         tall = 4 * tiles_at_once(tables.shape_types, region)
         outputs |= flag_if(TraceFlag.NO_PARTIAL_TILES, width % 8 == 0 and height % tall == 0)
     if region == (width, height):
@@ -153,10 +153,10 @@ def plan_trace(
         outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
     parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
     threads = launches.world_threads(parts, device)
-    types = launches.scene_types(tables, device, appearance=painted, lit=opaque)
+    types = launches.scene_types(tables, device, appearance=with_albedo, lit=opaque)
     types = launches.in_order(types, len(group.worlds) * threads, device)
     several = tables.num_drawn > capacity
-    known = facts if painted else NO_FACTS
+    known = facts if with_albedo else NO_FACTS
     return PlannedLaunch(TraceKey(types, LENSES[lens], capacity, several, region, outputs, known), threads)
 
 
@@ -209,8 +209,8 @@ def parts_of(images: Collection[str], width: int, height: int) -> int:
     pixels = launches.REGIONS[0][0] * launches.REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
-    threes = ("points" in images) + ("normals" in images)
-    wanted = 4 * threes or (2 if "flow" in images or more else 1)
+    vectors = ("points" in images) + ("normals" in images)
+    wanted = 4 * vectors or (2 if "flow" in images or more else 1)
     wanted = 1 if "flow_valid" in images else wanted
     if small:
         return min(wanted, width * height // launches.THREADS, height // 4)

@@ -202,18 +202,18 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        using Kept = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
-        const Kept kept { room, target, region.left - 1, region.top - 1, first };
+        using Cache = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
+        const Cache cache { room, target, region.left - 1, region.top - 1, first };
         if constexpr (sizeof(room.ids[0]) == 1) {
-            WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
-            using EdgeResolver = KeptSmoother<Types, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            WARPCAM_SHARED CachedEdges<WIDTH, HEIGHT> edges;
+            using EdgeResolver = CachedEdgeResolver<Types, LENS, WIDTH, HEIGHT, IMAGES, Target>;
             EdgeResolver::clear(edges, shapes);
-            kept.load();
-            const EdgeTester<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            cache.load();
+            const EdgeTester<LENS, Cache> seen { cache, pixel_width<LENS>(camera), camera.scale_y };
             EdgeResolver { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
-            kept.load();
-            smooth_region<Types, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
+            cache.load();
+            smooth_region<Types, LENS, IMAGES, false>(shapes, meshes, fields, cache, camera, region, world);
         }
     }
 }

@@ -18,7 +18,7 @@ constexpr unsigned OPEN =
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
 // Per-block state of a region's edges.
-template <int WIDTH, int HEIGHT> struct KeptEdges {
+template <int WIDTH, int HEIGHT> struct CachedEdges {
     static constexpr int PIXELS = WIDTH * HEIGHT;
     static_assert(PIXELS <= 1 << PLACE_BITS, "places fit");
 
@@ -39,9 +39,9 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
     int total, next;                // of `samples`, and how many times 32 of them were taken
 };
 
-template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct CachedEdgeResolver {
     using Centres = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
-    using Edges = KeptEdges<WIDTH, HEIGHT>;
+    using Edges = CachedEdges<WIDTH, HEIGHT>;
     using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / WARP_SIZE;
     static constexpr int SIDED_TYPES = Types::GEOMETRY & TYPES_WITH_FACES;
@@ -71,12 +71,12 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE Spot spot_of(unsigned listed) const
     {
         const unsigned its = edges.pixels[listed / SAMPLES], place = its % (1u << PLACE_BITS);
-        return { region.left + int(place % WIDTH), region.top + int(place / WIDTH), kept_at(place),
+        return { region.left + int(place % WIDTH), region.top + int(place / WIDTH), cache_index(place),
                  (its >> PLACE_BITS & PLAIN) != 0 };
     }
 
     // Index at which a pixel is stored, by its position in the region.
-    WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return Finder::kept_at(place); }
+    WARPCAM_DEVICE static unsigned cache_index(unsigned place) { return Finder::cache_index(place); }
 
     // The nine ids around a pixel that is kept, of which all are loaded before any is used.
     template <class Use> WARPCAM_DEVICE void ids_around(unsigned pixel, const Use& use) const
@@ -98,7 +98,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE void see_all(int from, int end) const
     {
         for (int k = from + int(threadIdx.x); k < end; k += THREADS)
-            see_around(kept_at(edges.pixels[edges.samples[k] / SAMPLES] % (1u << PLACE_BITS)));
+            see_around(cache_index(edges.pixels[edges.samples[k] / SAMPLES] % (1u << PLACE_BITS)));
         block_sync();
     }
 
@@ -108,7 +108,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
         const int lane = threadIdx.x % WARP_SIZE;
         for (int first = threadIdx.x - lane; first < count; first += THREADS) {
             const int number = first + lane;
-            const unsigned place = edges.pixels[min(number, count - 1)], pixel = kept_at(place);
+            const unsigned place = edges.pixels[min(number, count - 1)], pixel = cache_index(place);
             const auto sided = [&](int id) { return edges.sided[id + 1] != 0; };
             const unsigned found = number < count ? finder.template edge<SIDED>(place, sided) : 0;
             const unsigned samples = found & EVERY_SAMPLE;
@@ -322,7 +322,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE void put(int count) const
     {
         for (int k = threadIdx.x; k < count; k += THREADS) {
-            const unsigned its = edges.pixels[k], place = its % (1u << PLACE_BITS), pixel = kept_at(place);
+            const unsigned its = edges.pixels[k], place = its % (1u << PLACE_BITS), pixel = cache_index(place);
             if (!(its >> PLACE_BITS))
                 continue;
             const unsigned places = edges.shown[k];

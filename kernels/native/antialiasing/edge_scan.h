@@ -28,7 +28,10 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     };
 
     // Index at which a pixel is stored, by its position.
-    WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
+    WARPCAM_DEVICE static unsigned cache_index(unsigned place)
+    {
+        return place / WIDTH * LINE + place % WIDTH + LINE + 1;
+    }
 
     // Notes which pixels may have an edge. Then a barrier.
     WARPCAM_DEVICE void look() const
@@ -100,7 +103,7 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     // EdgeTester::edge() of a pixel that may have an edge, by its position.
     template <bool SIDED, class HasSides> WARPCAM_DEVICE unsigned edge(unsigned place, const HasSides& has_sides) const
     {
-        const unsigned pixel = kept_at(place);
+        const unsigned pixel = cache_index(place);
         const bool bent = marks.bent[place / WIDTH] >> place % WIDTH & 1;
         // the pixels around by the pairs that a sample lies at, from the one below on by way of the left: those beside,
         // and those across

@@ -334,7 +334,8 @@ template <int LENS, class Centres> struct EdgeTester {
 
     // Selects, from the nine pixels around (i, j), the one that shows what a sample has hit: the nearest by position
     // and, for a shape with sides, by depth and by normal_cost(i, j, pixel), how far its surface turns from the one
-    // hit, if the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of around().
+    // hit, if the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of
+    // around().
     template <int IMAGES, class NormalCost> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
                                                                      int hit_shape, bool sided,
                                                                      const NormalCost& normal_cost) const

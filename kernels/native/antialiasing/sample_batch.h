@@ -193,7 +193,7 @@ WARPCAM_DEVICE void list_samples(SampleBatch<Types>& batch, int pixel, const Nea
     }
 }
 
-// Traces the samples of a chunk; each warp takes 32 at a time.
+// Traces the samples of a batch; each warp takes 32 at a time.
 template <class Types, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
 WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& batch, const NearShapes& list, Rays& waiting,
                                   const Meshes& meshes, const HeightFields& fields, const Camera& camera,

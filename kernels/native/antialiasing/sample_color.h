@@ -125,7 +125,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
     }
 };
 
-// Says which pixels show all samples of a chunk. Each warp first looks at those it takes, and then, in full warps, at
+// Says which pixels show all samples of a batch. Each warp first looks at those it takes, and then, in full warps, at
 // those of which that is not told by shapes and colours.
 template <class Types, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
 WARPCAM_DEVICE void show_samples(Samples& batch, const List& list, const Meshes& meshes, const Camera& camera,

@@ -38,7 +38,7 @@ struct OccluderCandidate {
             reach[k] = min(reach[k], max(across / form(k), up * form(k)));
     }
 
-    WARPCAM_DEVICE static float least_magnitude(float from, float to) { return max(max(from, -to), 0.0f); }
+    WARPCAM_DEVICE static float min_abs(float from, float to) { return max(max(from, -to), 0.0f); }
 
     // True if an object in a box may be in the way.
     WARPCAM_DEVICE bool may_meet(Vec3 low_corner, Vec3 high_corner) const
@@ -48,7 +48,7 @@ struct OccluderCandidate {
         const float z = out(axes.normal), x = out(axes.along), y = out(axes.across);
         if (at.z - z > high + slack || at.z + z < low - slack)
             return false;
-        const float across = least_magnitude(at.x - x, at.x + x), up = least_magnitude(at.y - y, at.y + y);
+        const float across = min_abs(at.x - x, at.x + x), up = min_abs(at.y - y, at.y + y);
         bool meets = false;
         for (int k = 0; k < OCCLUDER_FORMS; ++k)
             meets |= max(across / form(k), up * form(k)) < reach[k];
@@ -64,7 +64,7 @@ struct OccluderCandidate {
         HorizonSampler::bounds(places, from, to);
         if (from.z > high + slack || to.z < low - slack)
             return;
-        const float across = least_magnitude(from.x, to.x), up = least_magnitude(from.y, to.y);
+        const float across = min_abs(from.x, to.x), up = min_abs(from.y, to.y);
         const bool within = from.z > low + slack && to.z < high - slack;
         if (!within || open)
             end_at(across, up);

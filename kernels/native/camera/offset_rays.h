@@ -47,7 +47,7 @@ template <> struct CameraRay<RAY_TABLE_WITH_ORIGINS> {
                  normalized(as_vec3(along) + offset.right * right.direction + offset.down * under.direction) };
     }
     WARPCAM_DEVICE Vec3 direction() const { return offset_ray().direction; }
-    WARPCAM_DEVICE bool blind() const { return load(own_rows(), 0).w & PIXEL_WITHOUT_RAY; }
+    WARPCAM_DEVICE bool sees_nothing() const { return load(own_rows(), 0).w & PIXEL_WITHOUT_RAY; }
 
     // To the next pixel across, and down: over both sides that are linked.
     WARPCAM_DEVICE OffsetRay across() const { return step(1, LINKED_LEFT, LINKED_RIGHT); }

@@ -98,8 +98,8 @@ template <int LENS> WARPCAM_DEVICE CameraRay<LENS> view_ray(const Camera& camera
 }
 
 // True if a pixel has no ray.
-WARPCAM_DEVICE bool is_blind(const CameraRay<RAYS>& ray) { return ray.x >= NO_RAY; }
-WARPCAM_DEVICE bool is_blind(const CameraRay<RAY_TABLE_WITH_ORIGINS>& ray) { return ray.blind(); }
+WARPCAM_DEVICE bool sees_nothing(const CameraRay<RAYS>& ray) { return ray.x >= NO_RAY; }
+WARPCAM_DEVICE bool sees_nothing(const CameraRay<RAY_TABLE_WITH_ORIGINS>& ray) { return ray.sees_nothing(); }
 
 // The ray of a sample of pixel (i, j).
 template <int LENS> WARPCAM_DEVICE CameraRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)

@@ -35,8 +35,8 @@ template <int GEOMETRY_, int FEATURES_> struct SceneTypes {
     template <class... Types> static constexpr bool has_any(Types... types) { return (has(types) || ...); }
 };
 
-// RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own, see
-// camera/offset_rays.h.
+// RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own,
+// see camera/offset_rays.h.
 enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, RAY_TABLE_WITH_ORIGINS };
 
 // Rays that have unit directions, and distances along them in place of planar depths.

@@ -40,7 +40,8 @@ WARPCAM_DEVICE LocalBounds stretched_by(const LocalBounds& e, Vec3 s)
              { e.half.x * abs(s.x), e.half.y * abs(s.y), e.half.z * abs(s.z) } };
 }
 
-// Type-specific part: box, scale and size row. False if the shape draws nothing, as those with sizes that are not positive.
+// Type-specific part: box, scale and size row. False if the shape draws nothing, as those with sizes that are not
+// positive.
 template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
                                  LocalBounds& extent, Vec3& scale, ShapeRecord& record)

@@ -50,8 +50,8 @@ WARPCAM_DEVICE void store_pieces(const TraceTarget_& trace_target, float* image,
 
 // Stores three numbers of each pixel; `row_of_lanes` is room for those of a warp's tiles.
 template <class TraceTarget_, int TILES_PER_WARP>
-WARPCAM_DEVICE void store_threes(const TraceTarget_& trace_target, float* image, int i, int j,
-                                 const Vec3 (&values)[TILES_PER_WARP], float* row_of_lanes)
+WARPCAM_DEVICE void store_vectors(const TraceTarget_& trace_target, float* image, int i, int j,
+                                  const Vec3 (&values)[TILES_PER_WARP], float* row_of_lanes)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     float* lanes = row_of_lanes + 3 * lane;

@@ -138,8 +138,8 @@ template <class Shapes> WARPCAM_DEVICE ShapeToWorldRotation load_turn(const Shap
 
 // Loads the material of a shape in a physically based scene.
 template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
-WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical,
-                                     int world, int id)
+WARPCAM_DEVICE PbrMaterial load_pbr_material(const Shapes& shapes, const Materials& materials, const Physical& physical,
+                                             int world, int id)
 {
     const ResolvedMaterial material = load_material<MATERIAL>(shapes, materials, world, id);
     PbrMaterial pbr;
@@ -281,7 +281,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
             look.material.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, material);
     }
     if constexpr (Wants::PBR)
-        look.material = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
+        look.material = load_pbr_material<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
     load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);
     return look;
 }

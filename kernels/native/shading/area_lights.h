@@ -97,7 +97,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical,
     }
     team_barrier();
     for (int light = lane; light < lights.types.shape[1]; light += WARP_OR_ONE) {
-        ActiveLights lights_before = kept_lights(lights);
+        ActiveLights lights_before = active_lights(lights);
         for (int other = 0; other < light; ++other)
             lights_before.next(lights, world, other);
         const int place = lights_before.next(lights, world, light);
@@ -109,7 +109,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical,
     team_barrier();
 }
 
-// Light at a place: from where, how much of the lamp's colours if it falls straight, and its spread.
+// Light at a place: from where, how much of its colours if it falls straight, and how wide it seems.
 template <class Vector> struct AreaLightSample {
     Vector to_light;
     NumberOf<Vector> share, sine_squared;

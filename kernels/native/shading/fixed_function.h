@@ -103,7 +103,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, con
     }
     team_barrier();
     for (int light = lane; light < total; light += WARP_OR_ONE) {
-        ActiveLights lights_before = kept_lights(lights);
+        ActiveLights lights_before = active_lights(lights);
         for (int other = 0; other < light; ++other)
             lights_before.next(lights, world, other);
         const int place = lights_before.next(lights, world, light);

@@ -31,9 +31,9 @@ template <class Textures> inline Vec3x8 sky_image(const Textures& textures, cons
 
 // `steps(right, down)` says how far it is to what the next pixels show.
 template <class Types, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
-inline void paints_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
-                      const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
-                      PbrInputs<Vec3x8>& inputs)
+inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
+                           const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
+                           PbrInputs<Vec3x8>& inputs)
 {
     const PbrMaterial& material = look.material;
     const ShapeFromCamera& pose = look.pose;
@@ -84,8 +84,8 @@ WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look,
 {
     Vec3x8 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     PbrInputs<Vec3x8> inputs;
-    paints_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
-                                              inputs);
+    pbr_inputs8_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
+                                                   normal, inputs);
     light = physical_light<FACTS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
 }
 

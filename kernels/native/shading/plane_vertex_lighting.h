@@ -174,15 +174,15 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
             float(region.left) + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
         const float j =
             float(region.top) + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
-        CameraRay<LENS> sight { 0.0f, 0.0f };
+        CameraRay<LENS> camera_ray { 0.0f, 0.0f };
         if constexpr (LENS == RAYS)
-            sight = table_ray(camera, int(i), int(j));
+            camera_ray = table_ray(camera, int(i), int(j));
         else
-            sight = { image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j) };
-        const Vec3 ray = pose.local(sight.direction());
-        const Vec3 start = has_centre(LENS) ? eye : eye + pose.local({ sight.x, sight.y, 0.0f });
+            camera_ray = { image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j) };
+        const Vec3 ray = pose.local(camera_ray.direction());
+        const Vec3 start = has_centre(LENS) ? eye : eye + pose.local({ camera_ray.x, camera_ray.y, 0.0f });
         const float away = -start.z * rcp(avoid_zero(ray.z));
-        const bool seen = start.z * ray.z < 0.0f && away < camera.far && !(LENS == RAYS && sight.x >= NO_RAY);
+        const bool seen = start.z * ray.z < 0.0f && away < camera.far && !(LENS == RAYS && camera_ray.x >= NO_RAY);
         depth[k] = seen ? away : MISS;
         u[k] = clamp(u_axis.at(start.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
         v[k] = clamp(v_axis.at(start.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);

@@ -18,11 +18,11 @@ struct Composite {
 };
 
 // Adds the surfaces between `near` and `limit`, which is negative where a pixel takes no part. `column` and `row` are
-// the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
+// the tile's in the list's region. shade(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
-template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Paint_>
+template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Shade>
 WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
-                         float near, float limit, int column, int row, const Paint_& paint, Composite& peeled)
+                         float near, float limit, int column, int row, const Shade& shade, Composite& peeled)
 {
     float from = near;
 #pragma unroll 1
@@ -47,7 +47,7 @@ WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Sce
         if (!warp_any(met))
             break;
         Vec3 light { 0.0f, 0.0f, 0.0f };
-        const float opacity = paint(met, hit, light);
+        const float opacity = shade(met, hit, light);
         if (met) {
             peeled.light = peeled.light + (peeled.left * opacity) * light;
             peeled.left *= 1.0f - opacity;

@@ -45,11 +45,11 @@ WARPCAM_DEVICE void gather_transparent(TransparentShapes<CAPACITY>& list, const 
                                        const Region& region, Vec3 eye, int mirror, int world, int thread)
 {
     const auto& shapes = scene.shapes;
-    const bool blind = !(abs(camera.origin.x) < MISS);
+    const bool not_drawn = !(abs(camera.origin.x) < MISS);
     if (thread == 0)
         list.count = 0;
     block_sync();
-    for (int i = thread; i < scene.frame.transparent_shapes.shape[0] && !blind; i += THREADS) {
+    for (int i = thread; i < scene.frame.transparent_shapes.shape[0] && !not_drawn; i += THREADS) {
         const int id = wp::index(scene.frame.transparent_shapes, i);
         float alpha = opacity(shapes, scene.materials, world, id);
         Shape shape = load_shape(shapes, world, id);

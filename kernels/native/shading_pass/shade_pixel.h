@@ -66,7 +66,7 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
         column = region.width / TILE_WIDTH - 1 - column;
     }
     if constexpr ((FACTS & PHYSICAL) != 0) {
-        const auto paint = [&](bool met, Hit hit, Vec3& light) {
+        const auto shade_layer = [&](bool met, Hit hit, Vec3& light) {
             ShadedPixel layer;
             fill_inactive_lanes(met, hit);
             resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
@@ -80,7 +80,7 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
             return alpha;
         };
         Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
-        peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade_layer, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
             shown.display = linear_to_srgb(shown.linear);
@@ -123,15 +123,15 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     }
 }
 
-// `painted`: what the pixel shows, a Shown, where that is known.
+// `shaded`: what the pixel shows, a ShadedPixel, where that is known.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
-          class TransparentShapes_, class Camera_, class... Painted_>
+          class TransparentShapes_, class Camera_, class... Shaded_>
 WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
                                   const Camera_& camera, const TransparentShapes_& transparent_shapes,
                                   const Region& region, int world, const Pixel& pixel, PixelHit found,
-                                  const Painted_&... painted)
+                                  const Shaded_&... shaded)
 {
-    constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
+    constexpr bool IS_SHADED = sizeof...(Shaded_) > 0;
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & STORE_QUADS;
     const auto& frame = scene.frame;
@@ -152,12 +152,12 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
     bool drawn = false;
     Vec3 apart;
     Vec3& floor = FACTS & SEPARATE_PLANE_PATH ? apart : shown.display;
-    if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+    if constexpr (!IS_SHADED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
         drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0,
                            (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(lights.grid, scene.textures, found,
                                                                                 shadow, x, y, floor);
-    if constexpr (IS_PAINTED)
-        shown = (painted, ...);
+    if constexpr (IS_SHADED)
+        shown = (shaded, ...);
     else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
              && fill_inactive_lanes(hit && !drawn, found))
         resolve_hit<Types, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),

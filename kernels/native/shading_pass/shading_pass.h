@@ -33,7 +33,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
                                - CACHED * int(sizeof(Appearances)) - 1024;
 #else
-    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled for.
+    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled
+    // for.
     constexpr int GRID_BYTES =
         CAPACITY > 0 && CAPACITY <= 64 ? VERTEX_GRID_BYTES : SHARED_BYTES - CACHED * int(sizeof(Appearances)) - 1024;
 #endif
@@ -66,7 +67,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
     using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
     WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
-    WARPCAM_SHARED Camera kept_camera;
+    WARPCAM_SHARED Camera shared_camera;
     WARPCAM_SHARED TransparentList transparent_shapes;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
@@ -78,7 +79,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     const unsigned first = unsigned(world) * frame.width * frame.height;
     const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
-        kept_camera = camera;
+        shared_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
         gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE),
                                list);
@@ -179,8 +180,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, one,
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, one,
                                                                     find<Types, IMAGES, FACTS>(frame, one));
             });
         return;
@@ -198,11 +199,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
-                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), transparent_shapes,
+                    looks, list, scene, camera_at<LENS>(shared_camera, pixel.column, pixel.row), transparent_shapes,
                     region, world, pixel, found);
             else
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, pixel, found);
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, pixel, found);
         }
     }
 #else
@@ -224,7 +225,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         constexpr bool APART = (FACTS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
         constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
-        Painted<ROWS * WIDTH, IMAGES, APART> painted;
+        ShadedRows<ROWS * WIDTH, IMAGES, APART> shaded;
         const int width = min(WIDTH, frame.width - left), bottom = min(top + HEIGHT, frame.height);
         RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRROR_VIEW, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
@@ -239,18 +240,18 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             const size_t corner = first + size_t(start) * frame.width + left;
             ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            paint_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
-                                                                                  corner, look_at, painted);
+            shade_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+                                                                                  corner, look_at, shaded);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
                 if constexpr (!APART)
-                    painted.write(scene.images, frame.shape, at, row * WIDTH, width);
+                    shaded.write(scene.images, frame.shape, at, row * WIDTH, width);
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
                         resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
                             looks, list, scene, own_camera(pixel), transparent_shapes, region, world, pixel,
-                            find<Types, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
+                            find<Types, IMAGES, FACTS>(frame, pixel), shaded.shown(row * WIDTH + column));
                     }
             }
         }

@@ -10,7 +10,7 @@
 namespace warpcam {
 
 // Colours of the pixels of a few rows. APART: as numbers, to be covered by other layers; else as bytes.
-template <int SIZE, int IMAGES, bool APART> struct Painted {
+template <int SIZE, int IMAGES, bool APART> struct ShadedRows {
     static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
     static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
     Vec3 linear[LINEAR ? SIZE : 1], display[DISPLAY ? SIZE : 1], normal[IMAGES & NORMALS ? SIZE : 1];
@@ -172,11 +172,11 @@ constexpr int TOGETHER = 4;
 
 // Shades packets; of the last packet `rest` pixels count, of the others all.
 template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
-          class PbrInputs>
-WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id,
+          class ShadedRows_>
+WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Levels* levels, int id,
                                                const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
                                                const EightHits* hits, const short* pixels, int packets, int rest,
-                                               PbrInputs& painted)
+                                               ShadedRows_& shaded)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -211,12 +211,12 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
         }
     if constexpr ((IMAGES & NORMALS) != 0)
         for (int n = 0; n < packets; ++n)
-            painted.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
-                                facing_normals<Types>(look, scene, surfaces[n], rays[n]));
+            shaded.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
+                               facing_normals<Types>(look, scene, surfaces[n], rays[n]));
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
             const Vec3x8 albedo = mul(broadcast(clip(as_vec3(look.material.color))), textures[n]);
-            painted.put_albedo(pixels + n * SIMD_WIDTH, count_of(n), Wants::PBR ? linear_to_srgb(albedo) : albedo);
+            shaded.put_albedo(pixels + n * SIMD_WIDTH, count_of(n), Wants::PBR ? linear_to_srgb(albedo) : albedo);
         }
     for (int n = 0; Wants::LIT && n < packets; ++n) {
         const Vec3x8 place = places_on<LENS>(offset_rays[n], hits[n].depth);
@@ -232,19 +232,19 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<Types, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
-                                                               offset_rays[n], place, shadow, lit);
+            light_eight<Types, LENS, FACTS, ShadedRows_::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+                                                                 offset_rays[n], place, shadow, lit);
             const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
             lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
         }
-        painted.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
+        shaded.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
     }
 }
 
 // Writes the background.
-template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
-WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
-                                                  Vec3 gain, const short* pixels, int count, PbrInputs& painted)
+template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class ShadedRows_>
+WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
+                                                  Vec3 gain, const short* pixels, int count, ShadedRows_& shaded)
 {
     const auto& background = background_of<FACTS>(scene, world);
     Vec3x8 color = broadcast(as_vec3(background.color));
@@ -286,7 +286,7 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
             linear = display = mul(broadcast(gain), linear);
         if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
             display = linear_to_srgb(linear);
-        painted.put_light(pixels + first, some, linear, display, 0u);
+        shaded.put_light(pixels + first, some, linear, display, 0u);
     }
 }
 
@@ -326,11 +326,11 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
         __builtin_memcpy(&hits.shadow, shadow, sizeof shadow);
 }
 
-// Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
+// Shades the pixels of a few rows. `look_at(id)` gives a shape's look.
 template <class Types, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
-          class Rows, class LookAt, class PbrInputs>
-inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
-                         int world, size_t first, const LookAt& look_at, PbrInputs& painted)
+          class Rows, class LookAt, class ShadedRows_>
+inline void shade_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
+                         int world, size_t first, const LookAt& look_at, ShadedRows_& shaded)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     const auto& frame = scene.frame;
@@ -340,7 +340,7 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
         const short* const pixels = sorted.order + begin;
         if (id < 0) {
             if constexpr (BEHIND && Wants::LIT)
-                paint_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, painted);
+                shade_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, shaded);
             continue;
         }
         const auto& look = look_at(id);
@@ -361,9 +361,9 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
                 load_hits<Types, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
                                                                              min(SIMD_WIDTH, total - from), hits[n]);
             }
-            paint_packets<Types, LENS, IMAGES, FACTS>(
+            shade_packets<Types, LENS, IMAGES, FACTS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,
-                min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), painted);
+                min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), shaded);
         }
     }
 }

@@ -1,6 +1,6 @@
 // The trace with albedo. Shapes of one colour show a word that the block keeps of each; a floor's texture is looked up
-// where it is hit; what else has a texture is painted when all tiles are drawn, 32 pixels at once. For CUDA, pinholes,
-// and scenes without meshes and height fields.
+// where it is hit; what else has a texture is looked up when all tiles are drawn, 32 pixels at once. For CUDA,
+// pinholes, and scenes without meshes and height fields.
 #pragma once
 #include "shading/plane_shading.h"
 #include "shading/appearance_cache.h"
@@ -12,7 +12,7 @@ namespace warpcam {
 struct Unlit {
     float horizon;
 };
-template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures> struct PaintScene {
+template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures> struct AlbedoScene {
     Unlit frame;
     const Shapes& shapes;
     const Meshes& meshes;
@@ -22,8 +22,8 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
 };
 
 // Shared memory of the albedo writer. FACTS: of shading/appearance.h.
-template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
+template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct AlbedoWriter {
+    static constexpr bool WHOLE = WHOLE_, WRITES_ALBEDO = true, LOOKS_AT_FLOORS = false;
     using Wants = ShadingNeeds<ALBEDO, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && Types::has(PLANE);
@@ -43,22 +43,22 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         Slot at[TILES_PER_WARP];
     };
 
-    unsigned words[CAPACITY];           // by place among the drawn shapes
-    Slot slots[CAPACITY + 1];           // the first of nothing
+    unsigned words[CAPACITY];  // by place among the drawn shapes
+    Slot slots[CAPACITY + 1];  // the first of nothing
     unsigned later[TEXTURED ? TILES : 1];  // pixels of each tile
     unsigned short queue[TEXTURED ? WARPS : 1][2 * WARP_SIZE];  // numbers of such
     Appearances looks[CACHED > 0 ? CACHED : 1];
-    unsigned endless;                   // the endless floor's word
-    BareGrid floor;                     // its shape: -1 where there is none that is looked up at once
+    unsigned endless;  // the endless floor's word
+    BareGrid floor;  // its shape: -1 where there is none that is looked up at once
     Float3Int u, v;  // by x and y of a ray at depth 1, and without them; w: bits of the eye's [images]
-    Float3Int color;                          // of the floor, of 255; w: bits of its coarsest level
+    Float3Int color;  // of the floor, of 255; w: bits of its coarsest level
     float right[FLOORS ? HEIGHT : 1], down[FLOORS ? WIDTH : 1];  // levels at depth 1, by row and by column
 
     template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures>
     WARPCAM_DEVICE static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                         const Materials& materials, const Textures& textures)
     {
-        using Scene_ = PaintScene<Shapes, Meshes, HeightFields, Materials, Textures>;
+        using Scene_ = AlbedoScene<Shapes, Meshes, HeightFields, Materials, Textures>;
         return Scene_ { { 0.0f }, shapes, meshes, fields, materials, textures };
     }
 
@@ -162,8 +162,8 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
     template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
-                              const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
+    WARPCAM_DEVICE void write_albedo(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                     const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
     {
         unsigned shown[TILES_PER_WARP], all = 0u;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
@@ -171,32 +171,32 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             all |= shown[k];
         }
         if (FLOORS && warp_any(all & ON_FLOOR))
-            paint_floor<false>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
+            sample_plane<false>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         if (TEXTURED && warp_any(all & LATER))
-            intersect_exit(trace_target, i, j, shown);
+            postpone(trace_target, i, j, shown);
         store(trace_target, i, j, shown);
     }
 
     // Writes pixels whose hits are all on the infinite plane.
     template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_bare(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
-                                   const Hit (&hits)[TILES_PER_WARP])
+    WARPCAM_DEVICE void write_plane_albedo(const TraceTarget_& trace_target, int i, int j,
+                                           const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP])
     {
         const unsigned word = endless;
         unsigned shown[TILES_PER_WARP];
         for (int k = 0; k < TILES_PER_WARP; ++k)
             shown[k] = word;
         if (FLOORS && word == ON_FLOOR)
-            paint_floor<true>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
+            sample_plane<true>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         else if (TEXTURED && word == LATER)
-            intersect_exit(trace_target, i, j, shown);
+            postpone(trace_target, i, j, shown);
         store(trace_target, i, j, shown);
     }
 
-    // Notes what is painted later.
+    // Notes the pixels whose texture is looked up later.
     template <class TraceTarget_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void intersect_exit(const TraceTarget_& trace_target, int i, int j,
-                                       const unsigned (&shown)[TILES_PER_WARP])
+    WARPCAM_DEVICE void postpone(const TraceTarget_& trace_target, int i, int j,
+                                 const unsigned (&shown)[TILES_PER_WARP])
     {
         const int tile =
             (j - trace_target.region.top) / TILE_HEIGHT * ACROSS + (i - trace_target.region.left) / TILE_WIDTH;
@@ -225,8 +225,8 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
 
     // EVERY: all hits are on it.
     template <bool ALL_LANES, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_floor(int column, int row, const Ray_ (&rays)[TILES_PER_WARP],
-                                    const Hit (&hits)[TILES_PER_WARP], unsigned (&shown)[TILES_PER_WARP])
+    WARPCAM_DEVICE void sample_plane(int column, int row, const Ray_ (&rays)[TILES_PER_WARP],
+                                     const Hit (&hits)[TILES_PER_WARP], unsigned (&shown)[TILES_PER_WARP])
     {
         const Float3Int across = u, along = v, own_color = color;
         const float own = down[column], coarsest = as_float(own_color.w);
@@ -255,7 +255,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         }
     }
 
-    // Paints what was left, once all tiles are drawn.
+    // Looks up what was left, once all tiles are drawn.
     template <class Scene_, class Target> WARPCAM_DEVICE void finish(const Scene_& scene, const Target& target,
                                                                      const Camera& camera, const Region& region,
                                                                      int world, int thread)
@@ -315,10 +315,10 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
 // need.
 template <class Types, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                                 const HeightFields& fields, const Views& views, const Target& target, int index)
+WARPCAM_DEVICE void draw_with_albedo(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                                     const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    using Room = Painter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
+    using Room = AlbedoWriter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
     draw_with<SceneTypes<Types::ANALYTIC, Types::FEATURES & 1 << PLANES_FROM_BEHIND>, PINHOLE, CAPACITY, false, WIDTH,
               HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields, views, target, index);
 }

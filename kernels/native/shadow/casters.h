@@ -116,7 +116,7 @@ template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const 
 
 #endif
 
-// False if the shape casts no shadow in this light. TIGHT: see window_of().
+// False if the shape casts no shadow in this light. TIGHT: see bounds_uv_of().
 template <class Types, bool TIGHT = false, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light,
                                                         const Camera& camera, const Meshes& meshes,
@@ -165,8 +165,8 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE: so
-// many threads do it, a block or one of its warps.
+// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE:
+// so many threads do it, a block or one of its warps.
 template <class Types, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes,
                                                         const Materials& materials, const Meshes& meshes,
@@ -240,7 +240,7 @@ struct Facing {
 struct MeshLight {
     Vec3 aim;  // as Caster.aim
     Vec3 way;  // from a point of a face to it
-    Vec3 sight;  // of the ray that sees the point
+    Vec3 view_direction;  // of the ray that sees the point
 };
 
 // Light that shines on the other side only adds nothing but its ambient part, so that the shadow of one without does
@@ -258,7 +258,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
         if (has_back<Types>(second.w)) {
             flat = is_flat<Types>(second.w, third.w);
             normal = normalized(cross(as_vec3(second) - as_vec3(first), as_vec3(third) - as_vec3(first)));
-            back = dot(normal, light.sight) > 0.0f;
+            back = dot(normal, light.view_direction) > 0.0f;
             if (back) {
                 given = second.w;
                 normal = -normal;
@@ -283,10 +283,11 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
     return { faces, clear };
 }
 
-// Tests a shape's face likewise. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
+// Tests a shape's face likewise. The point is seen from `origin`, by a ray along `view_direction`; both in the world's
+// axes.
 template <class Types, class Shapes, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face,
-                                 const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)
+                                 const LightView& light, Vec3 origin, Vec3 view_direction, Vec3 point)
 {
     if (wp::index(shapes.types, id) != MESH)
         return { true, false };
@@ -298,7 +299,7 @@ WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int
                                            : own;
     };
     return face_light<Types>(meshes, shape.asset, face, light.distant,
-                             { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });
+                             { local(ray_to(light, c)), local(ray_to(light, point)), local(view_direction) });
 }
 
 }  // namespace warpcam

@@ -36,7 +36,7 @@ WARPCAM_DEVICE LightView make_light(bool distant, Vec3 position, Vec3 direction,
                     : Vec3 { position.x - camera.origin.x, position.y - camera.origin.y, position.z - camera.origin.z };
     const Vec3 along = distant ? light.aim : direction;
     light.w = 1.0f / sqrt(max(dot(along, along), 1.0e-30f)) * along;
-    // rows of the image run along u where they can, so that tiles on a floor fill their windows
+    // rows of the image run along u where they can, so that tiles on a floor fill their bounds
     const Mat3& r = camera.rotation;
     Vec3 across { r.at[0][0], r.at[1][0], r.at[2][0] };
     if (abs(dot(across, light.w)) > 0.9f)
@@ -146,15 +146,17 @@ template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> reconstructor_of(con
 
 // Points along the light's axes; from the light, if it is not distant.
 template <int LENS>
-WARPCAM_DEVICE PointReconstructor<LENS> lit_reconstructor(const LightView& light, const PointReconstructor<LENS>& sight)
+WARPCAM_DEVICE PointReconstructor<LENS> lit_reconstructor(const LightView& light,
+                                                          const PointReconstructor<LENS>& reconstructor)
 {
     const auto to_light_axes = [&](Vec3 a) { return Vec3 { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
     if constexpr (has_table(LENS)) {
         const Vec3 start = light.distant ? Vec3 { 0.0f, 0.0f, 0.0f } : -to_light_axes(light.aim);
-        return { to_light_axes(sight.right), to_light_axes(sight.up), to_light_axes(sight.back), start, sight.camera };
+        return { to_light_axes(reconstructor.right), to_light_axes(reconstructor.up), to_light_axes(reconstructor.back),
+                 start, reconstructor.camera };
     } else {
-        PointReconstructor<LENS> s { to_light_axes(sight.start), to_light_axes(sight.across), to_light_axes(sight.down),
-                                     to_light_axes(sight.along) };
+        PointReconstructor<LENS> s { to_light_axes(reconstructor.start), to_light_axes(reconstructor.across),
+                                     to_light_axes(reconstructor.down), to_light_axes(reconstructor.along) };
         if (!light.distant) {
             const Vec3 aim = to_light_axes(light.aim);
             Vec3& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
@@ -182,7 +184,7 @@ WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
     return reach;
 }
 
-// The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
+// The bounds of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
 template <bool TIGHT = false>
@@ -207,7 +209,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds bounds_uv_of(const LightVie
         return flat;
     const float near = at_w - half_w, far = at_w + half_w;
     height = -near;
-    if (far < 0.0f)  // only in the way of points behind the light, whose window is everything
+    if (far < 0.0f)  // only in the way of points behind the light, whose bounds are everything
         return { MISS, MISS, MISS, MISS };
     if (!(near > 1.0e-3f * half_w)) {
         height = MISS;

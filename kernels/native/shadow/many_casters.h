@@ -65,7 +65,7 @@ WARPCAM_DEVICE Asking asking_at(const LightPass<LENS>& task, const Target& targe
     a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
     if (a.id >= 0) {
         const float depth = target.depth.data[a.at];
-        a.p = view.sight.point(float(i), float(j), depth);
+        a.p = view.reconstructor.point(float(i), float(j), depth);
         a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
         a.span = span_of(view.light, view.origin, a.p, depth);
         a.asks = a.span.near < a.span.reach;
@@ -217,7 +217,7 @@ WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const Light
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 }
 
-// Casts the shadows of one light, as far as they come from the crowd.
+// Casts the shadows of one light, as far as they come from many casters.
 template <class Types, int LENS, int WIDTH, int HEIGHT, class CasterList_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
 WARPCAM_DEVICE void cast_patches(CasterList_& caster_list, PickedCasters& picks, const Patch* patches, const Grid& grid,
@@ -284,9 +284,9 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
     }
 
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         block_sync();  // what is kept for the block may still be in use
@@ -322,7 +322,7 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
                 cast_patches<Types, LENS, WIDTH, HEIGHT>(caster_list, picks[warp], patches, grid, task, camera, shapes,
                                                          materials, meshes, fields, target, lane);
             if (begin < total)
-                block_sync();  // the crowd is still in use
+                block_sync();  // the list is still in use
         } while (begin < total);
     }
 }

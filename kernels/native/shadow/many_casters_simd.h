@@ -22,7 +22,7 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
                  w = dot(broadcast(light.w), from);
     Float8 left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
     Int8 unknown = s.unknown;
-    if (!light.distant) {  // as window_of()
+    if (!light.distant) {  // as bounds_uv_of()
         const Int8 aside = ~(w - half > 1.0e-3f * half);
         const Float8 nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
         unknown |= aside;
@@ -108,7 +108,7 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
     CasterBounds8<CAPACITY> bounds_uv;
     PickedWindows<CAPACITY> picked;
     Spheres spheres[CAPACITY / SIMD_WIDTH];  // for all lights
-    Points kept_points[ACROSS * DOWN];
+    Points cached_points[ACROSS * DOWN];
     int world;
     const Region region = region_of<WIDTH, HEIGHT>(target, index, world);
     if (!wp::index(target.mask, world))
@@ -116,10 +116,10 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
     const Camera camera = load_camera(wp::index(views, world));
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     bool fresh = true;
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         const ReceiverView<LENS> view = light_view<Types, LENS>(lights, camera, world, number);
@@ -134,9 +134,9 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
         for (int row = 0; row < DOWN; ++row)
             for (int column = 0; column < ACROSS; ++column) {
                 const int tile = row * ACROSS + column;
-                asks[tile] = load(kept_points[tile], column, row, fresh);
+                asks[tile] = load(cached_points[tile], column, row, fresh);
                 if (asks[tile])
-                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(kept_points[tile]);
+                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(cached_points[tile]);
             }
         if (fresh)
             for (int first = 0; first < min(total, CAPACITY); first += SIMD_WIDTH)
@@ -161,7 +161,7 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
                     const int row = patch / PATCHES_ACROSS * PATCH_DOWN + tile / PATCH_ACROSS;
                     if (!asks[row * ACROSS + column])
                         continue;
-                    Points& points = kept_points[row * ACROSS + column];
+                    Points& points = cached_points[row * ACROSS + column];
                     shade_tile<Types>(list, picked, view, world, shapes, meshes, fields, points);
                     points.mark(target, corner + size_t(row) * TILE_HEIGHT * target.width + column * TILE_WIDTH, bit);
                 }

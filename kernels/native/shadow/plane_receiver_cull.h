@@ -42,7 +42,7 @@ template <int BYTES> WARPCAM_DEVICE bool all_are(const AlignedArray<unsigned, BY
 // Strips of 32x4 pixels that a warp looks through, four bits each of which the lowest counts.
 constexpr unsigned EACH_STRIP = 0x11111111u;
 
-// The sides of a window are straight lines in the image of a plane. A lane has one of the four: by how much the pixel
+// The sides of bounds are straight lines in the image of a plane. A lane has one of the four: by how much the pixel
 // of a strip that lies farthest inside of it does, times something positive; changes from column to column and from row
 // to row, and of the strip at the image's first pixel.
 struct PlaneReceiverCull {
@@ -65,7 +65,7 @@ template <class View> WARPCAM_DEVICE PlaneReceiverCull plane_receiver_cull(const
                                                                            const Region& region, int lane)
 {
     const float side = floor.away < 0.0f ? -1.0f : 1.0f, away = side * floor.away;
-    const auto& ray = view.sight;
+    const auto& ray = view.reconstructor;
     const auto& lit = view.lit;
     // A ray's way to the plane is `away` over this; all is multiplied by it, as it is not negative where the plane is
     // seen.
@@ -81,7 +81,7 @@ template <class View> WARPCAM_DEVICE PlaneReceiverCull plane_receiver_cull(const
     const Vec3 whole = distant ? rate : w;
     const Vec3 at = lane & 2 ? v : u;
     const float edge = lane & 2 ? (lane & 1 ? bounds.top : bounds.bottom) : lane & 1 ? bounds.right : bounds.left;
-    // Nothing lies beyond an edge that is endless, or that has no place: shapes behind a lamp have such.
+    // Nothing lies beyond an edge that is endless, or that has no place: shapes behind a light have such.
     const bool ends = abs(edge) < MAX_RAY_T;
     const Vec3 in = !ends ? Vec3 { 0.0f, 0.0f, 1.0f } : lane & 1 ? edge * whole - at : at - edge * whole;
     // Half a pixel more on each side than the strip has, which is more than all rounding.

@@ -110,9 +110,9 @@ struct Points {
             open[row] = asks;
             if (any(asks)) {
                 RowRays<LENS> rays;
-                row_rays(view.sight, left, top + row, rays);
-                put(row, view.light, view.origin, points_of(view.sight, rays, depth), points_of(view.lit, rays, depth),
-                    depth);
+                row_rays(view.reconstructor, left, top + row, rays);
+                put(row, view.light, view.origin, points_of(view.reconstructor, rays, depth),
+                    points_of(view.lit, rays, depth), depth);
             }
             asked[row] = open[row];
         }
@@ -214,7 +214,7 @@ struct PointsAround {
     }
 };
 
-// The windows of so many casters at most, part by part.
+// The bounds of so many casters at most, part by part.
 template <int CAPACITY> struct CasterBounds8 {
     static constexpr int PACKETS = (CAPACITY + SIMD_WIDTH - 1) / SIMD_WIDTH;
     Float8 left[PACKETS], right[PACKETS], bottom[PACKETS], top[PACKETS], height[PACKETS];

@@ -8,7 +8,7 @@ namespace warpcam {
 // One light in one view.
 template <int LENS> struct ReceiverView {
     LightView light;
-    PointReconstructor<LENS> sight;  // points from the camera, along the world's axes
+    PointReconstructor<LENS> reconstructor;  // points from the camera, along the world's axes
     PointReconstructor<LENS> lit;    // the same along the light's axes
     Vec3 origin;         // the camera, world frame
     bool dims;          // its shadow takes an ambient part from what is turned away from it, too: of meshes

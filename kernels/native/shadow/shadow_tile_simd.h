@@ -105,10 +105,10 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                 for (unsigned asked = met & ~(known >> row * SIMD_WIDTH); asked; asked &= asked - 1) {
                     const int lane = row * SIMD_WIDTH + ctz(asked);
                     const Vec3 point = points.point(lane);
-                    const Vec3 sight = view.sight.along_of(point, float(points.left + lane % TILE_WIDTH),
-                                                           float(points.top + lane / TILE_WIDTH));
+                    const Vec3 view_direction = view.reconstructor.along_of(
+                        point, float(points.left + lane % TILE_WIDTH), float(points.top + lane / TILE_WIDTH));
                     const Facing one = face_light<Types>(shapes, meshes, world, points.ids[lane], points.faces[lane],
-                                                         light, view.origin, sight, point);
+                                                         light, view.origin, view_direction, point);
                     facing |= unsigned(one.front) << lane;
                 }
                 known |= met << row * SIMD_WIDTH;

@@ -1,5 +1,5 @@
-// A barrel: a cylinder of an end radius and a half length, along z, whose side is bent outwards in the arc of a circle of
-// a third size's radius; 0 stands for no bend. The unit frame's end radius is 1.
+// A barrel: a cylinder of an end radius and a half length, along z, whose side is bent outwards in the arc of a circle
+// of a third size's radius; 0 stands for no bend. The unit frame's end radius is 1.
 #pragma once
 #include "shapes/shape_types.h"
 

@@ -1,4 +1,5 @@
-// A cone of a base radius and a half length, its tip up. The unit frame's tip is at z = 1, its base of radius 1 at z = -1.
+// A cone of a base radius and a half length, its tip up. The unit frame's tip is at z = 1, its base of radius 1 at z =
+// -1.
 #pragma once
 #include "shapes/shape_types.h"
 
@@ -8,8 +9,8 @@ struct ConeTraits : AxialTraits {
     static constexpr ShapeType TYPE = CONE;
     static constexpr bool HAS_EXIT = false;
 
-    // The side is where |xy| = w / 2 for w = 1 - z from 0 to 2; of the two roots the one by which a ray comes into it is
-    // the same for both halves of the double cone.
+    // The side is where |xy| = w / 2 for w = 1 - z from 0 to 2; of the two roots the one by which a ray comes into it
+    // is the same for both halves of the double cone.
     template <class Vector> static WARPCAM_DEVICE NumberOf<Vector> intersect(const Float3Int&, Vector o, Vector d)
     {
         using Number = NumberOf<Vector>;

@@ -48,9 +48,9 @@ WARPCAM_DEVICE TextureProjection round_projection(Vec3 local, Vec3 half, float t
 //   gradient(size, at, ray)          direction of the normal at a hit in the unit frame, outwards, of any length
 //   surface(size, ray, local)        normal and part at a hit, in the shape's frame [m]
 //   projection(local, half, part)    projection of a 2-D texture onto a shape with these axes()
-// and, if IS_ROUND, end_extent(half), the half axis along z of the ellipsoids at its ends [m]; if HAS_FACES, face_at(at),
-// the number of the smooth part that a place in the unit frame is on. What kernels do by themselves for planes (gradient,
-// normal, projection) is not in the plane's.
+// and, if IS_ROUND, end_extent(half), the half axis along z of the ellipsoids at its ends [m]; if HAS_FACES,
+// face_at(at), the number of the smooth part that a place in the unit frame is on. What kernels do by themselves for
+// planes (gradient, normal, projection) is not in the plane's.
 struct ConvexTraits {
     static constexpr bool IS_ROUND = false;  // lies between two equal ellipsoids: see camera/projected_extent.h
     static constexpr bool HAS_FACES = false;  // its smooth parts meet in edges that antialiasing looks for

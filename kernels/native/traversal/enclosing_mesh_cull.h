@@ -8,8 +8,8 @@
 
 namespace warpcam {
 
-constexpr int HOUSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
-constexpr int HOUSING_STACK = 16;  // nodes that wait
+constexpr int ENCLOSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
+constexpr int ENCLOSING_STACK = 16;  // nodes that wait
 
 WARPCAM_DEVICE float length_bound(Vec3 v) { return abs(v.x) + abs(v.y) + abs(v.z); }
 
@@ -110,8 +110,8 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
         return true;
     const CornerRays rays(record, part);
     const unsigned nodes = as_int(record.size.y), faces = as_int(record.size.z);
-    int stack[HOUSING_STACK], height = 0, node = 0;
-    for (int visited = 0; visited < HOUSING_NODES; ++visited) {
+    int stack[ENCLOSING_STACK], height = 0, node = 0;
+    for (int visited = 0; visited < ENCLOSING_NODES; ++visited) {
 #pragma unroll 1
         for (int k = 0; k < 4; ++k) {
             Vec3 low, high;
@@ -119,7 +119,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
             if (child == 0 || !may_meet_box(record, low, high, part))  // the root is nobody's child
                 continue;
             if (child > 0) {
-                if (height == HOUSING_STACK)
+                if (height == ENCLOSING_STACK)
                     return true;
                 stack[height++] = child;
                 continue;
@@ -144,7 +144,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
 
 // Removes such meshes from all tiles of the region.
 template <class Types, class List, class Meshes>
-WARPCAM_DEVICE void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
+WARPCAM_DEVICE void cull_enclosing_meshes(List& list, const Meshes& meshes, const TileRays& region, int thread)
 {
     for (int slot = thread; slot < list.count; slot += THREADS)  // as sort_by_depth() goes on from here
         if (is_mesh<Types>(list.records[slot]) && !may_be_seen_from_inside<Types>(list.records[slot], meshes, region))

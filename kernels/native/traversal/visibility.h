@@ -11,9 +11,9 @@
 
 namespace warpcam {
 
-// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
-// own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id,
-// formless): the shape is left out; a formless one always is, and is a fault of a world that would draw it.
+// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records
+// name their own slots in place of their shapes, and in place of an asset where these stand among the drawn ones.
+// hidden(id, formless): the shape is left out; a formless one always is, and is a fault of a world that would draw it.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
@@ -93,13 +93,13 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
                                const HeightFields& fields, bool first_pass)
 {
     constexpr int TILES_PER_WARP = TraceTarget_::TILES_PER_WARP;
-    constexpr bool HAS_MESH = Types::has(MESH), HAS_THREES = TraceTarget_::VECTOR_OUTPUTS != 0;
+    constexpr bool HAS_MESH = Types::has(MESH), HAS_VECTORS = TraceTarget_::VECTOR_OUTPUTS != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::SIZE : 1>::type rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
-    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
+    WARPCAM_SHARED float4 lanes[HAS_VECTORS ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
     int lane = threadIdx.x % WARP_SIZE;
     const int warp = threadIdx.x / WARP_SIZE;
     asm("" : "+r"(lane));  // a register for that, none for the thread's number
-    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
+    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_VECTORS ? warp : 0]);
     const Region region = trace_target.region;
     const float near = trace_target.camera.near;
     constexpr int TILE_COLUMNS_PER_WARP =
@@ -192,7 +192,7 @@ template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Trace
           class HeightFields, class Hidden>
 WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Shapes& shapes,
                                const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
-                               int thread, bool blind)
+                               int thread, bool not_drawn)
 {
     static_assert(CAPACITY <= WARP_SIZE && !Types::has(MESH));
     if (thread >= THREADS - WARP_SIZE) {
@@ -204,7 +204,7 @@ WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const TraceTarget_& tr
         trace_target.template look_at_floor<WARP_SIZE>(thread % WARP_SIZE);
     } else {
         if (thread < WARP_SIZE) {
-            if (!blind)
+            if (!not_drawn)
                 build_shape_list<Types, LENS, HITS_NAME_SLOTS, true>(
                     list, 0, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
             if (thread == 0 && list.broken) {  // nothing of this world can be trusted
@@ -259,22 +259,22 @@ template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list
 #endif
 }
 
-// Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
-// shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
-// late(): what may wait until shapes are listed, and needs no other threads.
+// Draws the shapes that are not hidden into the trace target's region; the list has begun. MULTIPASS: the scene may
+// have more shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the
+// last. late(): what may wait until shapes are listed, and needs no other threads.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class TraceTarget_, class Shapes,
           class Meshes, class HeightFields, class Hidden, class Late>
 WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Shapes& shapes,
                                 const Meshes& meshes, const HeightFields& fields, const Hidden& hidden,
                                 const Late& late, int world, int thread)
 {
-    const bool blind = !(abs(trace_target.camera.origin.x) < MISS);
+    const bool not_drawn = !(abs(trace_target.camera.origin.x) < MISS);
 #if defined(__CUDA_ARCH__)
     if constexpr (TraceTarget_::APART)
         return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, trace_target, shapes, meshes, fields, hidden, world,
-                                                        thread, blind);
+                                                        thread, not_drawn);
 #endif
-    const int total = blind ? 0 : shapes.drawn.shape[0];
+    const int total = not_drawn ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
     do {
@@ -286,7 +286,7 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
             block_sync();
         }
         trace_target.begin(thread);
-        if (!blind)
+        if (!not_drawn)
             begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(
                 list, begin, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
@@ -300,7 +300,8 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
             block_sync();
         }
         if constexpr (Types::has(MESH) && LENS == PINHOLE)
-            leave_out_housings<Types>(list, meshes, rays_of_region(trace_target.camera, trace_target.region), thread);
+            cull_enclosing_meshes<Types>(list, meshes, rays_of_region(trace_target.camera, trace_target.region),
+                                         thread);
         trace_target.ready();
         sort_by_depth(list, thread, [&](int slot, int rank) { trace_target.note(list, slot, rank); });
         trace_target.face(thread, THREADS);
@@ -318,7 +319,7 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceSh
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
-    float lines[LINES];  // see Canvas
+    float lines[LINES];  // see TraceTarget
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -386,7 +387,7 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
         draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, trace_target, shapes, meshes, fields, hidden,
                                                                   late, world, thread);
     };
-    if constexpr (Near::PAINTS) {
+    if constexpr (Near::WRITES_ALBEDO) {
         const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
         places.begin(scene, camera, region, target.plane, world, thread);
         draw([&] { places.load_looks(scene, camera, world, thread); });

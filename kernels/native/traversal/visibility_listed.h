@@ -11,7 +11,7 @@ namespace warpcam {
 template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
-    alignas(8) float lines[LINES];  // see Canvas
+    alignas(8) float lines[LINES];  // see TraceTarget
 };
 
 // Draws as draw() does, a whole image by one or several blocks.
