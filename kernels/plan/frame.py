@@ -235,14 +235,13 @@ class _Planner:
             last.append(self._pass("shading", launch, (*seen, *shadows, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
-            launch = self._plan(edges.plan_edges, byte_ids=bytes_each)
             images = tuple((f"smooth {name}", name) for name in smooth)
-            last.append(self._pass("smooth edges", launch, (*seen, *colors, *images)))
+            smoothing = self._plan(edges.plan_edges, byte_ids=bytes_each)
+            last.append(self._pass("smooth edges", smoothing, (*seen, *colors, *images)))
         others = dict.fromkeys(pass_of(name).name for name in derived if name not in PASSES["shading"].writes)
         for name in others:
             images = tuple((output, output) for output in derived if output in PASSES[name].writes)
-            launch = plan_derived(tables, request, self.device)
-            last.append(self._pass(name, launch, (*seen, *images)))
+            last.append(self._pass(name, plan_derived(tables, request, self.device), (*seen, *images)))
         if tables.splats is not None:
             first.insert(0, PlannedPass("check of Gaussians", None, 1))
             last.append(self._splats(outputs, written))

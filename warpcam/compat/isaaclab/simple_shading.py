@@ -88,7 +88,16 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
         if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
             continue
         path, now = str(prim.GetPath()), Usd.TimeCode.Default()
-        lamp = read_light(prim, 0, path, now, 1.0, WarningCollector(path), lambda *_: None, lambda *_: None)
+        lamp = read_light(
+            prim,
+            0,
+            path,
+            time=now,
+            scale=1.0,
+            collector=WarningCollector(path),
+            mean_of=lambda *_: None,
+            sky_of=lambda *_: None,
+        )
         frame = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(now))
         color = EXPOSURE * np.array(lamp.strength)
         return (wc.Light(direction=-frame[2, :3], color=color, shadows=lamp.casts_shadow),)

@@ -176,7 +176,14 @@ class StageReader:
         turn = self._turn(prim, node) if str(prim.GetTypeName()) in DOME else np.eye(3)
         materials = self._materials
         return read_light(
-            prim, node, name, time, scale, self._collector, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
+            prim,
+            node,
+            name,
+            time=time,
+            scale=scale,
+            collector=self._collector,
+            mean_of=materials.mean_of,
+            sky_of=lambda a, w: materials.sky_of(a, w, turn),
         )
 
     def _turn(self, dome: Usd.Prim, node: int) -> np.ndarray:
