@@ -136,10 +136,22 @@ class CameraBinding:
         history, views, key = passes.history, passes.views, passes.plan.lists
         if key is None:
             before = None if history is None else history.views
-            return views_stage.bind_views(pose, lens, mask, faults, views, device, before, frame_start)
+            return views_stage.bind_views(
+                pose, lens, mask, faults, views, device=device, before=before, frame_start=frame_start
+            )
         flow_history = None if history is None else history.flow_history
         return view_shape_lists.bind_lists(
-            key, frame_start, pose, lens, mask, faults, views, tables, passes.lists, flow_history, device
+            key,
+            frame_start=frame_start,
+            pose=pose,
+            lens=lens,
+            mask=mask,
+            faults=faults,
+            views=views,
+            tables=tables,
+            lists=passes.lists,
+            history=flow_history,
+            device=device,
         )
 
     def _pose(self) -> CameraPose:

@@ -167,7 +167,15 @@ class Scene:
         parts, clouds = self._parts, self._splats
         corners = self._meshes.bounds_min.numpy(), self._meshes.bounds_max.numpy()
         splats = None if clouds is None else (clouds.lower, clouds.upper)
-        return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
+        return bounds_of(
+            host,
+            parts.shape_types,
+            drawn=self._seen(),
+            meshes=corners,
+            height_fields=parts.height_fields,
+            scaled=parts.scaled,
+            clouds=splats,
+        )
 
     @property
     def live_on_device(self) -> bool:

@@ -283,7 +283,7 @@ def test_their_number_changes_and_nothing_is_built_anew(device: wp.Device, monke
     model, data = made()
     built: list[Any] = []
     load = frame_renderer.load
-    monkeypatch.setattr(frame_renderer, "load", lambda *given: built.append(given[-1]) or load(*given))
+    monkeypatch.setattr(frame_renderer, "load", lambda *a, **k: built.append(k["decor"]) or load(*a, **k))
     pictures = []
     with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
         for count, scenes in ((0, 1), (1, 2), (8, 2), (0, 2), (3, 2), (9, 3), (16, 3), (8, 3), (17, 4), (1, 4), (0, 4)):

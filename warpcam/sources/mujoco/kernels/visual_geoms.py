@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import SPHERE
 from warpcam.sources.mujoco.kernels.catenary import hanging_point
@@ -200,10 +201,7 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
     def write_table(live: VisualGeomTable, out: ShapeTable, first: wp.int32):
-        index = first + wp.tid()
-        width = live.what.shape[0]
-        world = index // width
-        entry = index - world * width
+        world, entry = row_and_column(first + wp.tid(), live.what.shape[0])
         what = live.what[entry]
         kind = what[0]
         column = what[1]

@@ -3,6 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import PLANE
 
@@ -69,13 +70,11 @@ def rotation_in(pose: wp.transform) -> wp.mat33:
 
 @wp.kernel(enable_backward=False)
 def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
-    index = first + wp.tid()
     shapes = out.ids.shape[1]
     soft = shapes + out.faces.shape[1]
     columns = soft + out.particles.shape[1]
     width = columns + out.bodies.shape[1]
-    world = index // width
-    column = index - world * width
+    world, column = row_and_column(first + wp.tid(), width)
     if column >= columns:
         place = column - columns
         body = out.bodies[world, place]
