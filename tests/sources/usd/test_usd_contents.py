@@ -90,6 +90,13 @@ def test_wrong_contents_are_told(text: str, caplog: pytest.LogCaptureFixture) ->
     assert text in caplog.text
 
 
+def test_a_size_that_is_negative_at_many_times_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    scene = wc.from_usd(stage_of('def Sphere "It" {\ndouble radius.timeSamples = {0: 1, 8: -7}\n}'), device="cpu")
+    for time in range(9):
+        scene.set_time(time)
+    assert caplog.text.count("has radius of ") == 1
+
+
 def test_transforms_keep_the_operations_that_can_be_used(caplog: pytest.LogCaptureFixture) -> None:
     stage = stage_of(
         'def Sphere "It" {\ndouble radius = 1\ndouble3 xformOp:translate = (0, 0, 5)\ntoken xformOp:rotateX = "left"\n'

@@ -90,8 +90,17 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
             continue
         path, now = str(prim.GetPath()), Usd.TimeCode.Default()
         collector = WarningCollector(path)
-        read = AttributeReader(collector)
-        lamp = read_light(prim, 0, path, now, 1.0, read, collector, lambda *_: None, lambda *_: None)
+        lamp = read_light(
+            prim,
+            0,
+            path,
+            time=now,
+            scale=1.0,
+            attributes=AttributeReader(collector),
+            collector=collector,
+            mean_of=lambda *_: None,
+            sky_of=lambda *_: None,
+        )
         collector.say()
         frame = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(now))
         color = EXPOSURE * np.array(lamp.strength)

@@ -94,10 +94,24 @@ class MeshReader:
             if mine.any():
                 own = f"{name}/{subset.GetPrim().GetName()}"
                 bound = self._materials.bound_to(subset.GetPrim())
-                items.append(self._item(prim, path, node, own, bound, triangles, mine, str(subset.GetPath()), time))
+                items.append(
+                    self._item(
+                        prim,
+                        path,
+                        node,
+                        name=own,
+                        bound=bound,
+                        triangles=triangles,
+                        mine=mine,
+                        part=str(subset.GetPath()),
+                        time=time,
+                    )
+                )
         if rest.any():
             bound = self._materials.bound_to(prim)
-            items.append(self._item(prim, path, node, name, bound, triangles, rest, "", time))
+            items.append(
+                self._item(prim, path, node, name=name, bound=bound, triangles=triangles, mine=rest, part="", time=time)
+            )
         return items
 
     def _subsets(self, prim: Usd.Prim) -> list[UsdGeom.Subset]:
@@ -156,10 +170,10 @@ class MeshReader:
             name,
             triangles.points[vertices],
             back.reshape(-1, 3).astype(np.int32),
-            None if normals is None else normals[mine],
-            uvs,
-            triangles.two_sided,
-            triangles.moves,
+            normals=None if normals is None else normals[mine],
+            uvs=uvs,
+            two_sided=triangles.two_sided,
+            moves=triangles.moves,
         )
         if triangles.moves:
             self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))

@@ -69,7 +69,9 @@ def load(
     graph = SceneGraph(name, [FrameNode("/", -1, root)])
     start = _time(stage, time)
     try:
-        StageReader(stage, graph, start, frozenset(purposes), double_sided, unit, collector).read()
+        StageReader(
+            stage, graph, start, purposes=frozenset(purposes), double_sided=double_sided, unit=unit, collector=collector
+        ).read()
     except Tf.ErrorException as error:
         raise WarpcamError(f"{name}: USD cannot read it: {short(error)}") from None
     if not graph.items:

@@ -192,12 +192,12 @@ class StageReader:
             prim,
             node,
             name,
-            time,
-            scale,
-            self._attributes,
-            self._collector,
-            images.mean_of,
-            lambda asset, where: images.sky_of(asset, where, turn),
+            time=time,
+            scale=scale,
+            attributes=self._attributes,
+            collector=self._collector,
+            mean_of=images.mean_of,
+            sky_of=lambda asset, where: images.sky_of(asset, where, turn),
         )
 
     def _turn(self, dome: Usd.Prim, node: int) -> np.ndarray:
