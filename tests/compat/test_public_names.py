@@ -58,19 +58,6 @@ def test_of_mujoco_warps_context_what_is_not_there_is_refused_by_name() -> None:
     assert offered <= names & set(vars(rc))
 
 
-def test_calls_of_mujoco_warp_that_render_are_ours() -> None:
-    """A later version's calls about rendering are seen here: they would be MuJoCo-Warp's own without a word."""
-    import mujoco_warp
-
-    from warpcam.compat import mujoco_warp as ours
-
-    words = ("render", "bvh", "rgb", "depth", "segmentation", "splat")
-    calls = {name for name in dir(mujoco_warp) if any(word in name for word in words) and name[0] != "_"}
-    calls -= {name for name in calls if not callable(getattr(mujoco_warp, name))}
-    assert calls and calls <= set(vars(ours))
-    assert ours.put_model is mujoco_warp.put_model
-
-
 @pytest.mark.parametrize("name", ["SensorCamera", "SensorTiledCamera"])
 def test_newtons_page_names_what_the_sensors_have(name: str) -> None:
     """By itself, or as one of a family that ends in ``*``."""
