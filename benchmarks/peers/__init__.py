@@ -47,6 +47,11 @@ def installed() -> list[str]:
     return [name for name in PEERS if importlib.util.find_spec(name) is not None]
 
 
+def draws(name: str, wanted: Wanted, worlds: int) -> bool:
+    """Whether a renderer can be asked for these outputs in so many worlds."""
+    return wanted.by_peers or name == "warpcam"
+
+
 def create(name: str, problem: Problem) -> Peer:
     if name not in installed():
         raise WarpcamError(f"--peer: {name} is not installed; pip install {INSTALL[name]}")

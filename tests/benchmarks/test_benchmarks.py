@@ -29,6 +29,7 @@ from warpcam.benchmarks import (
     report,
     run,
     sweeps,
+    tasks,
 )
 from warpcam.tools import cli
 
@@ -48,7 +49,7 @@ def places(shared: problem.Problem) -> np.ndarray:
 
 @pytest.mark.parametrize("case", cases.CASES.values(), ids=list(cases.CASES))
 def test_case_builds_and_moves(case: cases.Case) -> None:
-    if not run.available(case):
+    if not tasks.available(case):
         pytest.skip(f"its files come with {case.package}")
     shared = problem.build(case, worlds=2, width=16, height=16)
     before = places(shared)
@@ -90,7 +91,7 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("case", [case.name for case in cases.CASES.values() if case.newton])
 def test_newtons_camera_and_ours_agree_on_newtons_model(case: str, tmp_path: Path) -> None:
-    if not run.available(cases.CASES[case]):
+    if not tasks.available(cases.CASES[case]):
         pytest.skip("its files are not installed")
     out = tmp_path / "newton.json"
     arguments = ("--case", case, "--peer", "warpcam", "newton", "mujoco_warp", "--outputs", "ds", "rgb-d-shadows")
@@ -265,10 +266,13 @@ def test_what_is_not_installed_is_said_and_written(
     assert "left out: newton, not installed; pip install newton" in said
     assert "left out: mujoco_warp_pbr, not installed; pip install mujoco-warp-pbr (Python 3.12 or newer)" in said
     assert json.loads(out.read_text())["runs"][0]["left_out"].keys() == set(peers.PEERS) - {"warpcam"}
-    monkeypatch.setattr(run, "available", lambda case: case.package != "mjlab")
-    asked = argparse.Namespace(sweep=None, peer=["warpcam"], case=None)
-    assert run.left_out(asked)["case yam"] == "mjlab"
-    assert run.left_out(argparse.Namespace(sweep=None, peer=["warpcam"], case=["humanoid"])) == {}
+    monkeypatch.setattr(tasks, "available", lambda case: case.package != "mjlab")
+    asked = argparse.Namespace(sweep=None, suite=None, scene=None, peer=["warpcam"], case=None)
+    assert tasks.left_out(asked)["case yam"] == "mjlab"
+    assert (
+        tasks.left_out(argparse.Namespace(sweep=None, suite=None, scene=None, peer=["warpcam"], case=["humanoid"]))
+        == {}
+    )
 
 
 @pytest.mark.parametrize("cold", [False, True])
