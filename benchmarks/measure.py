@@ -70,16 +70,21 @@ def covered(spans: Iterable[tuple[float, float]]) -> float:
 
 
 def time_frames(
-    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
+    frame: Callable[[], None],
+    place: Callable[[int], None],
+    sets: int,
+    device: wp.Device,
+    frames: int | None,
+    on_host: bool = False,
 ) -> dict[str, Any]:
     """Milliseconds a frame takes after `place` has moved all worlds to the next of `sets` poses.
 
-    On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU they are
-    plain calls; there ``cpu`` is the median of what processors spend on one, all threads together, which other work on
-    the machine hardly changes.
+    On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU, and where
+    frames are work `on_host`, they are plain calls; there ``cpu`` is the median of what processors spend on one, all
+    threads together, which other work on the machine hardly changes.
     """
     spent: dict[str, float] = {}
-    if device.is_cuda:
+    if device.is_cuda and not on_host:
         times = time_graphs(frame, place, sets, device, frames)
     else:
         times, processors = time_calls(frame, place, sets, frames)

@@ -13,7 +13,7 @@ EXAMPLES = """examples:
   warpcam bench --sweep worlds --plot worlds.png       how the cost grows
   warpcam bench --host                                 Python time of a frame, seconds to the first image
   warpcam bench --gpus                                 each GPU alone, and all at the same time
-  warpcam bench --scene kitchen.xml --camera front      a scene of your own (MJCF, URDF)
+  warpcam bench --scene kitchen.xml --camera front      a scene of your own (MJCF, URDF, USD)
   warpcam bench --suite tuning --part 1/4              generated scenes, and how the ratios are spread over them
   warpcam bench --merge a.json b.json --plot all.png   show and draw what was measured
 """
@@ -23,8 +23,9 @@ CASES = (
     *("go1", "aloha_pot", "g1_terrain", "terrain_256", "flex", "franka_cabinet"),
     *("newton_shapes_256", "newton_quadruped", "newton_franka_cabinet", "newton_cloth"),
 )
-PEERS = ("mujoco_warp", "warpcam", "newton", "mujoco_warp_pbr")
-SETTINGS = ("8192x64", "4096x64", "1024x64", "1024x128", "1024x256", "1x640x480", "cpu")
+PEERS = ("mujoco_warp", "warpcam", "newton", "mujoco_warp_pbr", "mujoco")
+LARGE = ("16x640x480", "4x1280x720", "1x1920x1080", "16x1920x1080")
+SETTINGS = ("8192x64", "4096x64", "1024x64", "1024x128", "1024x256", "1x640x480", *LARGE, "cpu")
 SUITE_SETTINGS = ("1024x64", "1024x128", "1024x256")  # of --suite and --scene
 SUITE_OUTPUTS = ("ds", "rgb", "rgb-shadows")
 HALVES = ("tuning", "held-out", "all")  # of the generated scenes
@@ -86,7 +87,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     results.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the results; .svg and .pdf work, too")
     instead = parser.add_argument_group("instead of cases").add_mutually_exclusive_group()
     instead.add_argument("--suite", choices=HALVES, help="generated scenes: half of them, or all")
-    instead.add_argument("--scene", type=Path, metavar="FILE", help="a scene of your own: .xml, .mjb or .urdf")
+    instead.add_argument("--scene", type=Path, metavar="FILE", help="a scene of your own: MJCF, URDF or USD")
     instead.add_argument("--sweep", choices=SWEEPS, help="one scene, ever more of something")
     instead.add_argument("--host", action="store_true", help="what a frame and a first image cost in Python")
     instead.add_argument("--gpus", action="store_true", help="every GPU alone, and beside all others")

@@ -124,6 +124,9 @@ def measured_in_turn(options: argparse.Namespace, device: Any, out: Path) -> dic
         report["runs"][0]["left_out"] = lacking
         for name, install in lacking.items():
             screen.print(f"left out: {name}, not installed; pip install {install}", style="yellow", markup=False)
+    for name in tasks.not_asked(todo, renderers):
+        limits = f"at most {peers.FEW_WORLDS} worlds of at least {peers.LARGE_PIXELS} pixels"
+        screen.print(f"left out: {name}, which is asked for {limits}", style="yellow", markup=False)
     if options.resume and out.exists():
         report = reports.continued(out, report)
     known = reports.measured(report)

@@ -40,7 +40,7 @@ def measure_case(
             (setting, one)
             for setting in settings
             for one in wanted
-            if peers.draws(renderer, one, worlds)
+            if peers.draws(renderer, one, worlds, setting)
             and not is_measured({**basics(case, worlds, setting, one), "renderer": renderer})
         ])
     }  # fmt: skip
@@ -119,7 +119,8 @@ def measure_outputs(
         row["told_memory_mb"] = peer.told_memory_mb
 
     def timed(variant: str, count: int | None) -> dict[str, Any]:
-        return measure.time_frames(functools.partial(peer.frame, variant), peer.place, POSE_SETS, device, count)
+        frame = functools.partial(peer.frame, variant)
+        return measure.time_frames(frame, peer.place, POSE_SETS, device, count, peer.on_host)
 
     best = peer.variants[0]
     if len(peer.variants) > 1:  # a few frames of each tell the fastest
@@ -128,10 +129,11 @@ def measure_outputs(
         row |= {"variant": best, "variants": few}
     row["ms"] = timed(best, frames)
     row["grays_per_s"] = 1e-6 * shared.rays / row["ms"]["median"]
-    row |= memory.figures()
+    if not peer.on_host:  # else it is memory of another library's
+        row |= memory.figures()
     if peer.lacks:
         row["lacks"] = list(peer.lacks)
-    if not wanted.by_peers:
+    if not peers.COMPARED.issuperset(wanted.outputs):
         return row
 
     checked = max(1, min(shared.worlds, CHECKED_PIXELS // (shared.width * shared.height)))

@@ -87,6 +87,21 @@ def part(found: Sequence[Case], asked: str | None) -> list[Case]:
     return list(found[int(match[1]) - 1 :: int(match[2])])
 
 
+def not_asked(found: Sequence[Task], renderers: Sequence[str]) -> list[str]:
+    """Renderers that no task is asked of for the number of worlds and pixels."""
+    return [
+        name
+        for name in renderers
+        if name == "mujoco"
+        and not any(
+            peers.draws(name, one, setting.worlds_of(task.case), setting)
+            for task in found
+            for setting in task.settings
+            for one in task.wanted
+        )
+    ]
+
+
 def available(case: Case) -> bool:
     packages = (case.package, "newton" if case.newton else None)
     return all(package is None or importlib.util.find_spec(package) is not None for package in packages)

@@ -18,6 +18,7 @@ class NewtonPeer:
     """Renderer with its own poses: each set is converted to its own form beforehand, and `place` copies that."""
 
     variants: tuple[str, ...] = ("TILED 8x8", "PIXEL_PRIORITY")
+    on_host = False
     told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:

@@ -64,8 +64,12 @@ def test_case_builds_and_moves(case: cases.Case) -> None:
 def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None:
     if name not in peers.installed():
         pytest.skip(f"{name} is not installed")
+    size = (320, 240) if name == "mujoco" else (16, 16)
+    if name == "mujoco" and os.environ.get("MUJOCO_GL") == "disable":
+        pytest.skip("no OpenGL")
     out = tmp_path / "tiny.json"
-    assert bench("--case", "humanoid", "--peer", "mujoco_warp", name, *TINY, "--out", out) == 0
+    asked = ("--case", "humanoid", "--peer", "mujoco_warp", name, *TINY, "--size", "x".join(map(str, size)))
+    assert bench(*asked, "--out", out) == 0
     written = json.loads(out.read_text())
     assert written["format"] == report.FORMAT and written["kind"] == "cases"
     assert {"cpu", "python", "mujoco", "mujoco-warp"} <= written["runs"][0]["machine"].keys()
@@ -73,7 +77,7 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
     assert [row["outputs"] for row in rows] == list(cases.COMMON)
     for row in rows:
         assert "error" not in row, row["error"]
-        assert row["rays"] == 2 * 16 * 16 and row["worlds"] == 2 and row["setting"] == "cpu"
+        assert row["rays"] == 2 * size[0] * size[1] and row["worlds"] == 2 and row["setting"] == "cpu"
         assert row["ms"]["frames"] == 2 and row["ms"]["p10"] <= row["ms"]["median"] <= row["ms"]["p90"]
         assert row["setup_s"] >= 0.0 and row["first_frame_s"] > 0.0
         assert 0.0 <= row["compile_s"] <= row["setup_s"] + row["first_frame_s"]

@@ -1,6 +1,7 @@
 """Generated scenes and scenes of one's own: how they are built and measured, and how ratios are spread over them."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,37 @@ MODEL = """<mujoco><worldbody><light pos="0 0 3"/><geom type="plane" size="1 1 1
 <camera name="left" pos="-1 -2 1" xyaxes="1 0 0 0 0.4 0.9"/><camera pos="1 -2 1" xyaxes="1 0 0 0 0.4 0.9"/>
 <body pos="0 0 0.3"><joint type="slide" axis="0 0 1"/><geom size="0.2"/></body></worldbody>
 <keyframe><key qpos="0.5"/></keyframe></mujoco>"""
+STAGE = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Sphere "Ball"
+{
+    double radius = 0.5
+    color3f[] primvars:displayColor = [(1, 0, 0)]
+}
+def Cone "Cone"
+{
+    double3 xformOp:translate = (2, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Mesh "Tent"
+{
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(-2, 0, 0), (-1, 0, 0), (-1, 1, 0)]
+}
+def DistantLight "Sun"
+{
+    float inputs:intensity = 2
+}
+def SphereLight "Lamp"
+{
+    double3 xformOp:translate = (0, 3, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
 STILL = "<mujoco><worldbody><geom size='0.3' pos='1 0 0'/></worldbody></mujoco>"
 
 
@@ -193,12 +225,15 @@ def test_best_peer_follows_new_results() -> None:
         ("mine.xml", MODEL, (), "left"),
         ("mine.xml", MODEL, ("--camera", "camera1"), "camera1"),
         ("arm.urdf", ROBOT, (), "whole scene"),
+        ("stage.usda", STAGE, (), "whole scene"),
     ],
-    ids=["MJCF", "camera without a name", "URDF"],
+    ids=["MJCF", "camera without a name", "URDF", "USD"],
 )
 def test_scene_of_ones_own_is_measured(
     file: str, text: str, camera: tuple[str, ...], seen: str, tmp_path: Path
 ) -> None:
+    if file.endswith("usda"):
+        pytest.importorskip("pxr")
     path, out = written(tmp_path, file, text), tmp_path / "own.json"
     asked = ("--scene", path, *camera, "--peer", "mujoco_warp", "warpcam", "--outputs", "ds")
     assert bench(*asked, *TINY, "--out", out) == 0
@@ -213,11 +248,62 @@ def test_own_scene_begins_at_its_keyframe(tmp_path: Path) -> None:
     assert np.abs(shared.positions(0) - 0.5).max() < 0.06
 
 
-def test_camera_moves_where_nothing_else_does(tmp_path: Path) -> None:
-    shared = problem.build(own_scene.case_of(written(tmp_path, "still.xml", STILL), None), 2, 8, 8)
-    first, second = (poses["cam_xpos"].numpy() for poses in shared.poses[:2])
-    assert (np.abs(first - second).max(axis=(1, 2)) > 1e-4).all()
+SEEN = STILL.replace("<geom", "<camera name='eye' pos='1 -2 0.5' xyaxes='1 0 0 0 0.2 1' fovy='30'/><geom")
+
+
+@pytest.mark.parametrize(("text", "name"), [(STILL, "whole scene"), (SEEN, "eye, swaying")], ids=["added", "its own"])
+def test_camera_moves_where_nothing_else_does(text: str, name: str, tmp_path: Path) -> None:
+    case = own_scene.case_of(written(tmp_path, "still.xml", text), None)
+    shared = problem.build(case, 2, 8, 8)
+    assert case.cameras == (name,)
+    camera = shared.camera_ids[0]
+    first, second = (poses["cam_xpos"].numpy()[:, camera] for poses in shared.poses[:2])
+    assert (np.abs(first - second).max(axis=1) > 1e-4).all()
     assert np.abs(first - second).max() < 0.1
+    if name != "whole scene":
+        np.testing.assert_allclose(first, np.broadcast_to((1.0, -2.0, 0.5), (2, 3)), atol=0.05)
+        assert shared.mjm.cam_fovy[camera] == 30.0
+
+
+def test_stage_becomes_a_model(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    mjm = own_scene.read(written(tmp_path, "stage.usda", STAGE)).compile()
+    kinds = mujoco.mjtGeom
+    assert mjm.geom_type.tolist() == [kinds.mjGEOM_SPHERE, kinds.mjGEOM_MESH, kinds.mjGEOM_MESH]
+    np.testing.assert_allclose(mjm.geom_rgba[0], (1.0, 0.0, 0.0, 1.0), atol=1e-6)
+    assert mjm.geom_size[0, 0] == pytest.approx(0.5)
+    data = mujoco.MjData(mjm)
+    mujoco.mj_kinematics(mjm, data)
+    low, high = own_scene.bounds(mjm, data)
+    assert low[0] < -1.9 and high[0] > 2.9 and high[2] > 0.9  # what was up on the stage is along z
+    point = mjm.light_type == mujoco.mjtLightType.mjLIGHT_POINT
+    assert point.tolist() == [False, True]
+    np.testing.assert_allclose(mjm.light_pos[point], [[0.0, 0.0, 3.0]], atol=1e-6)
+
+
+@pytest.mark.skipif(os.environ.get("MUJOCO_GL") == "disable", reason="no OpenGL")
+def test_mujocos_own_renderer_draws_few_large_images(tmp_path: Path) -> None:
+    out = tmp_path / "large.json"
+    asked = ("--scene", written(tmp_path, "mine.xml", MODEL), "--peer", "warpcam", "mujoco", *TINY, "--out", out)
+    assert bench(*asked, "--size", "320x240", "--outputs", "ds", "rgb-shadows-smooth") == 0
+    rows = {(row["renderer"], row["outputs"]): row for row in rows_of(out)}
+    theirs = rows["mujoco", "ds"]
+    assert theirs["variants"].keys() == {"left on the GPU", "read"} and "memory_mb" not in theirs
+    assert theirs["difference"]["hit_fraction"] > 0.1
+    assert theirs["difference"]["ids_mismatch"] < 0.01 and theirs["difference"]["depth_mismatch"] < 0.01
+    assert rows["mujoco", "rgb-shadows-smooth"]["difference"]["rgb_psnr_db"] > 30.0
+    assert rows["warpcam", "rgb-shadows-smooth"]["best_peer"]["renderer"] == "mujoco"
+
+
+@pytest.mark.parametrize(("worlds", "size"), [(17, "320x240"), (2, "64x64")])
+def test_mujocos_own_renderer_is_not_asked_for_much_else(
+    worlds: int, size: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "many.json"
+    asked = ("--case", "humanoid", "--peer", "mujoco", "--outputs", "ds", "--device", "cpu", "--out", out)
+    assert bench(*asked, "--worlds", worlds, "--size", size) == 0
+    assert "left out: mujoco, which is asked for at most 16 worlds of at least 76800 pixels" in capsys.readouterr().out
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
