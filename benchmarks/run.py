@@ -2,12 +2,13 @@
 
 import argparse
 import contextlib
+import functools
 import importlib.util
 import math
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,9 @@ def measured_in_turn(options: argparse.Namespace, device: Any, out: Path) -> dic
     known = reports.measured(report)
     deadline = time.monotonic() + (math.inf if options.seconds is None else options.seconds)
 
+    def is_measured(marks: Mapping[str, Any], row: dict[str, Any]) -> bool:
+        return reports.key({**row, **marks}) in known
+
     def rows() -> Iterator[dict[str, Any]]:
         for task in todo:
             for row in runner.measure_case(
@@ -141,7 +145,7 @@ def measured_in_turn(options: argparse.Namespace, device: Any, out: Path) -> dic
                 renderers,
                 device,
                 options.replays,
-                lambda row, marks=task.marks: reports.key({**row, **marks}) in known,
+                functools.partial(is_measured, task.marks),
             ):
                 yield {**row, **task.marks}
 

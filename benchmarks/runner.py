@@ -66,13 +66,13 @@ def measure_case(
         except Exception:
             for setting, one in asked:
                 shared.resize(setting.width, setting.height)
-                row = {**shared.facts(one), "setting": setting.name, "renderer": renderer}
-                yield {**row, "error": traceback.format_exc(limit=-4)}
+                facts = {**shared.facts(one), "setting": setting.name, "renderer": renderer}
+                yield {**facts, "error": traceback.format_exc(limit=-4)}
             continue
         create_s, create_compile_s = time.perf_counter() - start, measure.covered(loads)
         for setting, one in asked:
             shared.resize(setting.width, setting.height)
-            row = {**shared.facts(one), "setting": setting.name, "renderer": renderer, "build_s": build_s}
+            row: Row = {**shared.facts(one), "setting": setting.name, "renderer": renderer, "build_s": build_s}
             try:
                 reference = references.setdefault((setting.name, one.name), {})
                 row |= measure_outputs(renderer, peer, one, shared, memory, device, frames, reference)

@@ -6,6 +6,7 @@ the stage stands still.
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -29,7 +30,7 @@ LEAST = 4  # vertices of a mesh
 
 
 def read(path: Path) -> mujoco.MjSpec:
-    scene = wc.load(path, 1, device="cpu", up_axis="Z")
+    scene: Any = wc.load(path, 1, device="cpu", up_axis="Z")
     return Stage(scene._graph_source.graph).spec
 
 
