@@ -12,7 +12,7 @@ pytest.importorskip("mujoco_warp")
 
 import mujoco
 
-from warpcam.benchmarks import distribution, own_scene, problem, report, runner, suite
+from warpcam.benchmarks import distribution, measure, own_scene, problem, report, runner, suite
 from warpcam.benchmarks.suite import recipes, solids
 from warpcam.tools import cli
 
@@ -241,6 +241,11 @@ def test_scene_of_ones_own_is_measured(
     assert [row["renderer"] for row in rows] == ["mujoco_warp", "warpcam"] and rows[0]["case"] == path.stem
     assert rows[1]["difference"]["hit_fraction"] > 0.02 and rows[1]["difference"]["ids_mismatch"] <= 0.02
     assert own_scene.case_of(path, camera[1] if camera else None).cameras == (seen,)
+
+
+@pytest.mark.parametrize(("ms", "frames"), [(0.01, 200), (10.0, 25), (60.0, 12), (250.0, 8), (5000.0, 4)])
+def test_long_frames_are_timed_less_often(ms: float, frames: int) -> None:
+    assert measure.frame_count(ms, sets=4) == frames
 
 
 def test_own_scene_begins_at_its_keyframe(tmp_path: Path) -> None:
