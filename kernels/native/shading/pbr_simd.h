@@ -71,7 +71,7 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
             }
         }
     }
-    paint.skin = make_bsdf(mul(broadcast(as_vec3(coat.color)), color), roughness, metallic, coat.gloss.z);
+    set_reflection(paint, mul(broadcast(as_vec3(coat.color)), color), roughness, metallic, coat.gloss.z);
 }
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.

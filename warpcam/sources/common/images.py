@@ -15,6 +15,8 @@ from warpcam.core.errors import WarpcamError
 from warpcam.textures.pack import TextureImage
 
 MAX_TILES = 4  # of an image that is repeated in another way than the kernels do, along each side
+BORDER = 4  # texels around an image that does not repeat: what filters reach at its sides, up to the third mipmap
+SHARP_SIDE, SHARP_SCALE = 1024, 16  # of an image that is not smoothed [texels]; times as large as it was, at most
 CUBE_SIDE = 512  # of a skybox, at most [pixels]
 TRANSFER = np.arange(256) / 255.0
 ENCODED = np.rint(255.0 * encoded_beyond(TRANSFER)).astype(np.uint8)
@@ -109,17 +111,20 @@ def wrapped(
     """
     scale, offset = np.ones(2), np.zeros(2)
     for axis in (0, 1):
-        if wrap[axis] == "repeat" or (low[axis] >= -1e-3 and high[axis] <= 1.0 + 1e-3):
+        if wrap[axis] == "repeat":
             continue
-        first, last = 0, 2
-        if wrap[axis] != "mirror":
-            first = max(int(np.floor(low[axis] + 1e-3)), 1 - MAX_TILES)
-            last = min(max(int(np.ceil(high[axis] - 1e-3)), first + 1), first + MAX_TILES)
-        size = pixels.shape[1 - axis]
-        place = np.arange(first * size, last * size)
+        size, border = pixels.shape[1 - axis], BORDER
+        first, last = 0, 1
+        if low[axis] < -1e-3 or high[axis] > 1.0 + 1e-3:
+            first, last, border = 0, 2, 0
+            if wrap[axis] != "mirror":
+                first = max(int(np.floor(low[axis] + 1e-3)), 1 - MAX_TILES)
+                last = min(max(int(np.ceil(high[axis] - 1e-3)), first + 1), first + MAX_TILES)
+                border = BORDER
+        place = np.arange(first * size - border, last * size + border)
         row = np.clip(place, 0, size - 1)
         if wrap[axis] == "mirror":
-            row = np.where(place < size, place, 2 * size - 1 - place)
+            row = np.abs((place + size) % (2 * size) - size + 0.5).astype(int)
         outside = (place < 0) | (place >= size)
         if axis == 1:  # v runs up, rows down
             row, outside = size - 1 - row[::-1], outside[::-1]
@@ -127,13 +132,21 @@ def wrapped(
         if wrap[axis] == "black":
             pixels = pixels.copy()
             pixels[(slice(None), outside) if axis == 0 else outside] = 0
-        scale[axis] = 1.0 / (last - first)
-        offset[axis] = -first / (last - first)
+        scale[axis] = size / len(place)
+        offset[axis] = -place[0] / len(place)
     return None if (scale == 1.0).all() and (offset == 0.0).all() else (pixels, scale, offset)
 
 
+def sharp(pixels: np.ndarray) -> np.ndarray:
+    """An image that is not to be smoothed, larger: the kernels smooth only between its texels."""
+    times = max(min(SHARP_SIDE // max(pixels.shape[:2]), SHARP_SCALE), 1)
+    return pixels.repeat(times, axis=0).repeat(times, axis=1)
+
+
 def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Colours of triangles' corners, (triangle, 3, 3) uint8, as an image and texture coordinates, (triangle, 3, 2).
+    """Colours of triangles' corners, (triangle, 3, channel) uint8, as an image and texture coordinates.
+
+    The latter are (triangle, 3, 2).
 
     Each different triangle gets 2 x 2 texels, three of them its corners; between their centres the kernels blend just
     as they do between corners, as long as the fourth, which the other three make, is a colour at all.
@@ -143,11 +156,11 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     beyond = (np.maximum(-fourth, 0) + np.maximum(fourth - 255, 0)).sum(axis=-1)
     order = (np.argmin(beyond, axis=1)[:, None] + np.arange(3)) % 3
     turned = np.take_along_axis(colors, order[..., None], axis=1)
-    blocks, which = np.unique(turned.reshape(-1, 9), axis=0, return_inverse=True)
-    corners = blocks.reshape(-1, 3, 3).astype(np.int16)
+    blocks, which = np.unique(turned.reshape(len(turned), -1), axis=0, return_inverse=True)
+    corners = blocks.reshape(len(blocks), 3, -1).astype(np.int16)
     columns = max(int(np.ceil(np.sqrt(len(blocks)))), 1)
     rows = max(-(-len(blocks) // columns), 1)
-    image = np.zeros((rows, 2, columns, 2, 3), np.uint8)
+    image = np.zeros((rows, 2, columns, 2, colors.shape[2]), np.uint8)
     y, x = np.divmod(np.arange(len(blocks)), columns)
     image[y, 0, x, 0], image[y, 0, x, 1], image[y, 1, x, 0] = corners[:, 0], corners[:, 1], corners[:, 2]
     image[y, 1, x, 1] = np.clip(corners[:, 1] + corners[:, 2] - corners[:, 0], 0, 255)
@@ -159,7 +172,7 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     u[plain], v[plain] = left[plain, None] + 1.0, top[plain, None] + 1.0
     uvs = np.empty((len(colors), 3, 2), np.float32)
     np.put_along_axis(uvs, order[..., None], np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1), axis=1)
-    return image.reshape(2 * rows, 2 * columns, 3), uvs
+    return image.reshape(2 * rows, 2 * columns, -1), uvs
 
 
 def cube_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> TextureImage:
@@ -202,9 +215,11 @@ def packed(channels: Sequence[np.ndarray | None]) -> np.ndarray | None:
 
 
 def resized(channel: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(height, width) uint8 of that size."""
-    if channel.shape == size:
+    """(height, width) or (height, width, 1, 3 or 4) uint8 of that size."""
+    if channel.shape[:2] == size:
         return channel
+    if channel.ndim == 3:
+        return np.stack([resized(channel[..., place], size) for place in range(channel.shape[2])], axis=2)
     return np.asarray(Image.fromarray(channel).resize((size[1], size[0]), Image.Resampling.BILINEAR))
 
 
