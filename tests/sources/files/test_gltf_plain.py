@@ -200,6 +200,13 @@ def test_the_set_of_texture_coordinates_is_the_textures_own(by_extension: bool) 
     assert set(found) == {"TEXCOORD_0"}
 
 
+def test_a_file_without_scenes_shows_all_its_nodes(tmp_path: Path) -> None:
+    file = square()
+    file.tree["nodes"] = [{"translation": [5, 0, 0], "children": [1]}, {"mesh": 0}, {"mesh": 0}]
+    del file.tree["scene"], file.tree["scenes"]
+    assert file.bounds(tmp_path) == [[-1, -1, 0], [6, 1, 0]]
+
+
 def test_accessors_that_reach_beyond_their_buffer(tmp_path: Path) -> None:
     file = square()
     file.tree["accessors"][0]["count"] = 400

@@ -15,7 +15,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.textures.pack import TextureImage
 
 MAX_TILES = 4  # of an image that is repeated in another way than the kernels do, along each side
-BORDER = 4  # texels around an image that does not repeat: what filters reach at its sides, up to the third mipmap
+BORDER, PART = 8, 8  # texels around an image that does not repeat, at least, and its side over that: what filters reach
 SHARP_SIDE, SHARP_SCALE = 1024, 16  # of an image that is not smoothed [texels]; times as large as it was, at most
 CUBE_SIDE = 512  # of a skybox, at most [pixels]
 TRANSFER = np.arange(256) / 255.0
@@ -82,17 +82,23 @@ def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
 
 
 def ply_colors(rows: Any, count: int) -> np.ndarray | None:
-    """Colours of a PLY file's vertices or faces, (row, 3) uint8, of its properties by name; None if it has none."""
+    """Colours of a PLY file's vertices or faces, (row, 3 or 4) uint8, by the names of its properties; None if none."""
     names = getattr(getattr(rows, "dtype", None), "names", None) or (rows if isinstance(rows, dict) else ())
-    for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
+    for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")):
         if all(key in names for key in keys):
-            values = np.stack([np.asarray(rows[key]).reshape(-1) for key in keys], axis=1)
-            if len(values) != count:
-                return None
-            if values.dtype.kind == "f":
-                values = np.rint(255.0 * np.clip(np.nan_to_num(values), 0.0, 1.0))
-            return np.clip(values, 0, 255).astype(np.uint8)
+            found = (*keys, *(key for key in ("alpha", "a") if key in names))[:4]
+            columns = [_byte(np.asarray(rows[key]).reshape(-1)) for key in found]
+            return np.stack(columns, axis=1) if all(len(column) == count for column in columns) else None
     return None
+
+
+def _byte(values: np.ndarray) -> np.ndarray:
+    """Numbers of any type as uint8: the greatest of a type of integers, and 1.0, are 255."""
+    if values.dtype.kind == "f":
+        values = np.rint(255.0 * np.clip(np.nan_to_num(values), 0.0, 1.0))
+    elif values.dtype.itemsize == 2:
+        values = np.rint(values * (255.0 / np.iinfo(values.dtype).max))
+    return np.clip(values, 0, 255).astype(np.uint8)
 
 
 def wrapped(
@@ -113,14 +119,15 @@ def wrapped(
     for axis in (0, 1):
         if wrap[axis] == "repeat":
             continue
-        size, border = pixels.shape[1 - axis], BORDER
+        size = pixels.shape[1 - axis]
+        border = max(BORDER, size // PART)
         first, last = 0, 1
         if low[axis] < -1e-3 or high[axis] > 1.0 + 1e-3:
-            first, last, border = 0, 2, 0
-            if wrap[axis] != "mirror":
+            if wrap[axis] == "mirror":
+                first, last, border = 0, 2, 0
+            else:
                 first = max(int(np.floor(low[axis] + 1e-3)), 1 - MAX_TILES)
                 last = min(max(int(np.ceil(high[axis] - 1e-3)), first + 1), first + MAX_TILES)
-                border = BORDER
         place = np.arange(first * size - border, last * size + border)
         row = np.clip(place, 0, size - 1)
         if wrap[axis] == "mirror":

@@ -44,6 +44,13 @@ class _Writer:
             self._tree.pop(key, None)
         count = len(self._document.listed("materials"))
         self._tree["materials"] = [{"name": str(place)} for place in range(count + 1)]
+        if not self._tree.get("scenes"):  # a library of things: all of them
+            nodes = self._tree.get("nodes") or []
+            below = {child for node in nodes for child in node.get("children") or []}
+            self._tree |= {
+                "scene": 0,
+                "scenes": [{"nodes": [place for place in range(len(nodes)) if place not in below]}],
+            }
         meshes = self._tree.get("meshes") or []
         self._given = copy.deepcopy(meshes)
         for mesh, given in zip(meshes, self._given, strict=True):

@@ -17,13 +17,14 @@ from warpcam.scene.file_scene import DrivenScene
 from warpcam.sources.common import materials
 from warpcam.sources.common.gaussian_cloud import CloudGeometry, cloud_of_ply
 from warpcam.sources.common.geometry import Geometry, MeshGeometry, unit
-from warpcam.sources.common.images import LINEAR, corner_colors, named_images, pixels_of, ply_colors
+from warpcam.sources.common.images import LINEAR, TRANSFER, corner_colors, named_images, pixels_of, ply_colors
+from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import FrameNode, Material, SceneGraph, ShapeInstance
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.common.wrapped_looks import WrappedLooks
-from warpcam.sources.files import gltf_materials, gltf_plain, gltf_unsupported, msh, mtl, stl
+from warpcam.sources.files import gltf_materials, gltf_plain, gltf_unsupported, msh, mtl, ply, stl
 from warpcam.sources.files.gltf_document import Document
 from warpcam.sources.files.resolver import Resolver
 from warpcam.textures.pack import TextureImage
@@ -76,9 +77,12 @@ def read_graph(
                 return SceneGraph(str(path), [FrameNode("/", -1, root)], [shape])
             resolver, document = Resolver(path, collector), None
             source: Any = str(path)
-            if kind in (".stl", ".obj"):
-                data = stl.triangles_of(path, collector) if kind == ".stl" else resolver.text.encode()
-                source = io.BytesIO(data)
+            painted: np.ndarray | None = None
+            if kind == ".stl":
+                data = stl.triangles_of(path, collector)
+                source, painted = io.BytesIO(data), stl.colors_of(data)
+            elif kind in (".obj", ".ply"):
+                source = io.BytesIO(resolver.text.encode() if kind == ".obj" else ply.readable(path))
             elif kind in GLTF:
                 document = Document(path)
                 gltf_unsupported.tell(document, collector)
@@ -95,7 +99,7 @@ def read_graph(
         if missing is not None:  # it goes on with zeros
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if document and up_axis == "Z" else root)])
-        _Reader(scene, graph, document, collector, resolver).read()
+        _Reader(scene, graph, document, collector, resolver, painted).read()
     clouds = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.PointCloud)]
     if not graph.items and clouds:
         count = sum(len(cloud.vertices) for cloud in clouds)
@@ -128,8 +132,15 @@ def _options(path: Path) -> dict[str, Any]:
 
 class _Reader:
     def __init__(
-        self, scene: Any, graph: SceneGraph, document: Document | None, collector: WarningCollector, resolver: Resolver
+        self,
+        scene: Any,
+        graph: SceneGraph,
+        document: Document | None,
+        collector: WarningCollector,
+        resolver: Resolver,
+        painted: np.ndarray | None,
     ):
+        self._painted = painted  # of faces
         self._scene, self._graph, self._collector = scene, graph, collector
         self._gltf = None if document is None else gltf_materials.MaterialReader(document, graph, collector)
         self._wrapped = WrappedLooks(graph)
@@ -209,9 +220,8 @@ class _Reader:
                 )
             if look >= 0 and uvs is not None:
                 look, uvs = self._wrapped.laid_on(look, uvs)
-        elif visual.kind in ("vertex", "face"):
-            per_corner = visual.vertex_colors[faces] if visual.kind == "vertex" else visual.face_colors[:, None]
-            look, uvs, color = self._colored(name, per_corner, len(faces))
+        elif (colors := self._display_colors(mesh, faces)) is not None:
+            look, uvs, color = self._colored(name, colors, len(faces))
         surface = MeshGeometry(name, vertices, faces.astype(np.int32), normals, uvs, both)
         return surface, look, color
 
@@ -230,19 +240,44 @@ class _Reader:
             texture = self._texture(name, pixels_of(image))
             self._graph.materials.append(Material(f"{name}/texture", materials.WHITE, texture=texture))
             return len(self._graph.materials) - 1, uvs, None
+        colors = self._display_colors(mesh, faces)
+        return (-1, uvs, None) if colors is None else self._colored(name, colors, len(faces))
+
+    def _display_colors(self, mesh: Any, faces: np.ndarray) -> np.ndarray | None:
+        """Colours of corners, (face, 3 or 1, 3 or 4) uint8, or None."""
+        raw = mesh.metadata.get("_ply_raw", {})
         for element, count in (("vertex", len(mesh.vertices)), ("face", len(faces))):
             colors = ply_colors(raw.get(element, {}).get("data"), count)
             if colors is not None:
-                return self._colored(name, colors[faces] if element == "vertex" else colors[:, None], len(faces))
-        return -1, uvs, None
+                return colors[faces] if element == "vertex" else colors[:, None]
+        if mesh.visual.kind in ("vertex", "face"):
+            by_vertex = mesh.visual.kind == "vertex"
+            return np.asarray(mesh.visual.vertex_colors[faces] if by_vertex else mesh.visual.face_colors[:, None])
+        if self._painted is None or len(self._painted) != len(faces):
+            return None
+        return self._painted[:, None]
 
     def _colored(self, name: str, per_corner: Any, count: int) -> tuple[int, Any, Any]:
         """Look, texture coordinates and colour of display colours of corners, (face, 3 or 1, 3 or 4) uint8."""
-        per_corner = np.broadcast_to(np.asarray(per_corner, np.uint8)[..., :3], (count, 3, 3))
+        per_corner = np.broadcast_to(per_corner, (count, 3, per_corner.shape[2]))
+        alphas = per_corner[..., 3:]
         if (per_corner == per_corner[0, 0]).all():
-            return -1, None, (*map(float, LINEAR[per_corner[0, 0]]), 1.0)
-        image, uvs = corner_colors(np.ascontiguousarray(per_corner))
-        self._graph.materials.append(Material(f"{name}/colors", materials.WHITE, texture=self._texture(name, image)))
+            return (
+                -1,
+                None,
+                (*map(float, LINEAR[per_corner[0, 0, :3]]), float(per_corner[0, 0, 3]) / 255.0 if alphas.size else 1.0),
+            )
+        solid = alphas.min(initial=255) == 255
+        image, uvs = corner_colors(np.ascontiguousarray(per_corner[..., :3] if solid else per_corner))
+        opacity, drawn = opacity_of(None if solid else TRANSFER[image[..., 3]], 1.0, 0.0)
+        look = Material(
+            f"{name}/colors",
+            materials.WHITE,
+            opacity=opacity,
+            texture=self._texture(name, image[..., :3]),
+            opacity_map=-1 if drawn is None else self._texture(f"{name}/opacity", drawn, False),
+        )
+        self._graph.materials.append(look)
         return len(self._graph.materials) - 1, uvs, None
 
     def _texture(self, name: str, pixels: np.ndarray, color: bool = True) -> int:
