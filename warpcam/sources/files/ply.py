@@ -96,10 +96,10 @@ def _tables(elements: list[_Element], body: bytes, order: str) -> dict[str, Any]
             at += tables[element.name].nbytes
         else:
             taken = list(islice(words, element.count * len(kinds)))
-            values = np.array(taken, np.float64).reshape(element.count, len(kinds))
+            columns = np.array(taken, np.float64).reshape(element.count, len(kinds))
             tables[element.name] = np.zeros(element.count, np.dtype(kinds))
             for place, (name, _) in enumerate(kinds):
-                tables[element.name][name] = values[:, place]
+                tables[element.name][name] = columns[:, place]
     return tables
 
 
