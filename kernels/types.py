@@ -33,6 +33,8 @@ FORM_DISK = 2
 FORM_RECTANGLE = 3
 FORM_CYLINDER = 4
 
+UNLIT = -1.0  # reflectance of a physically based material that shows its colour whatever the light is
+
 # Roles of a material's textures: places in Materials.texture. The values are those of MuJoCo's mjtTextureRole.
 ROLE_COLOR = 1
 ROLE_NORMAL = 5  # x, y, z in [-1, 1] as 0 to 255; x along u, y along v, which is up
@@ -201,7 +203,8 @@ class Physical:
     plain: Lights
     roughness: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]
     metallic: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]
-    reflectance: wp.array2d(dtype=wp.float32)  # (world*, material) of what is no metal, for light that falls straight
+    # (world*, material) of what is no metal, for light that falls straight; below 0: UNLIT
+    reflectance: wp.array2d(dtype=wp.float32)
     emissive: wp.array2d(dtype=wp.vec3)  # (world*, material) linear
     forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above
     # (world*, light) sphere and disk (radius, -, -); rectangle (half width, half height, -); cylinder (radius, half

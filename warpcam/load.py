@@ -224,14 +224,15 @@ def load(
     """The scene of a file in many worlds, read by what its name ends in.
 
     .usd, .usda, .usdc and .usdz are read by ``from_usd``; .glb, .gltf, .obj, .stl and .ply by trimesh, .dae by
-    pycollada. All give a ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, the meshes of .urdf as such files
-    alone, and simulated by nobody: a scene as the file has it.
+    pycollada, MuJoCo's .msh by warpcam. All give a ``DrivenScene``. .xml, .mjb and .urdf are read by MuJoCo, the meshes
+    of .urdf as such files alone, and simulated by nobody: a scene as the file has it.
 
     Args:
         path: The file.
         num_worlds: How many worlds.
         device: Where to render; None is Warp's current device.
-        meters_per_unit: In place of what the file says; .obj, .stl and .ply say nothing and are taken to be in metres.
+        meters_per_unit: In place of what the file says; .obj, .stl, .ply and .msh say nothing and are taken to be in
+            metres.
         up_axis: "Z" turns USD, glTF and COLLADA scenes so that z is up; None keeps their own axes. Others are as they
             are, and so are all meshes of a robot.
         textures: More images for ``DrivenScene.set_textures``.

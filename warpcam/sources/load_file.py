@@ -10,12 +10,9 @@ from warpcam.core.errors import WarpcamError
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
+from warpcam.sources.common.formats import MESHES, MUJOCO, USD
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.robots.packages import check_packages
-
-USD = (".usd", ".usda", ".usdc", ".usdz")
-MESHES = (".glb", ".gltf", ".dae", ".obj", ".stl", ".ply")
-MUJOCO = (".xml", ".mjb", ".urdf")
 
 
 def load(

@@ -21,7 +21,7 @@ from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
-from warpcam.sources import load_file
+from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import doctor
 from warpcam.tools.demo_simulation import Simulation
@@ -111,7 +111,7 @@ def _add_scene(command: argparse.ArgumentParser, worlds: int, size: str) -> None
         nargs="?",
         type=Path,
         metavar="SCENE",
-        help=f"a file: {', '.join((*load_file.MUJOCO, *load_file.USD, *load_file.MESHES))} (default: a demo scene)",
+        help=f"a file: {', '.join((*formats.MUJOCO, *formats.USD, *formats.MESHES))} (default: a demo scene)",
     )
     command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
     command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
@@ -136,7 +136,7 @@ def _view(options: argparse.Namespace) -> int:
 
     width, height, device = _checked_scene(options)
     path, simulation = options.scene or batch_file.DEMO, None
-    if path.suffix.lower() in (*load_file.USD, *load_file.MESHES):
+    if path.suffix.lower() in (*formats.USD, *formats.MESHES):
         scene = warpcam.load(path, options.worlds, device=device)
     else:
         simulation = Simulation(path, options.worlds, options.seed)
@@ -172,7 +172,7 @@ def _render(options: argparse.Namespace) -> int:
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
         path, host, put = options.scene or batch_file.DEMO, None, None
-        if path.suffix.lower() in (*load_file.USD, *load_file.MESHES):
+        if path.suffix.lower() in (*formats.USD, *formats.MESHES):
             scene = warpcam.load(path, options.worlds, device=device)
             progress.update(steps, description="building and compiling", advance=1)
         else:

@@ -13,6 +13,20 @@ template <class Vector> struct PbrInputs {
     NumberOf<Vector> open;  // share of the light from all around that reaches it
 };
 
+// Sets how a surface point reflects light. A negative reflectance, UNLIT in types.py, is that of a surface which sends its
+// colour whatever the light is, and reflects nothing.
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE void set_reflection(PbrInputs<Vector>& inputs, Vector color, Number roughness, Number metallic,
+                                   float reflectance)
+{
+    if (reflectance < 0.0f) {
+        inputs.emission = color;
+        color = broadcast<Vector>({ 0.0f, 0.0f, 0.0f });
+        reflectance = 0.0f;
+    }
+    inputs.bsdf = make_bsdf(color, roughness, metallic, reflectance);
+}
+
 // A normal tilted as a map says, whose red and green lie along the texture's u and v (v up). The frame follows the
 // triangle: u's gradient, made square to the normal, and to it v.
 WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
@@ -64,7 +78,7 @@ WARPCAM_DEVICE PbrInputs<Vec3> pbr_inputs_at(const Appearances& look, const Mesh
             }
         }
     }
-    inputs.bsdf = make_bsdf(mul(as_vec3(material.color), color), roughness, metallic, material.gloss.z);
+    set_reflection(inputs, mul(as_vec3(material.color), color), roughness, metallic, material.gloss.z);
     return inputs;
 }
 

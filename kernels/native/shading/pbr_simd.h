@@ -71,7 +71,7 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
             }
         }
     }
-    inputs.bsdf = make_bsdf(mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
+    set_reflection(inputs, mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
 }
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.

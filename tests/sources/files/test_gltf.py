@@ -124,9 +124,9 @@ TOLD: dict[str, tuple[dict, dict]] = {
         {"normalTexture": {"index": 0, "texCoord": 1}},
         {},
     ),
-    "uses extensions of glTF that are not drawn: KHR_materials_unlit": (
+    "uses extensions of glTF that are not drawn: KHR_materials_sheen": (
         {},
-        {"extensionsRequired": ["KHR_materials_unlit"]},
+        {"extensionsRequired": ["KHR_materials_sheen"]},
     ),
     "has things of glTF that are not read: cameras, lights, animations": (
         {},

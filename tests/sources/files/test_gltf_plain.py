@@ -122,10 +122,10 @@ def test_instances(tmp_path: Path) -> None:
 
 def test_extensions_that_are_not_drawn(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     file = square()
-    file.tree["extensionsUsed"] = ["KHR_materials_unlit", "KHR_materials_transmission", "KHR_mesh_quantization"]
+    file.tree["extensionsUsed"] = ["KHR_materials_volume", "KHR_materials_transmission", "KHR_mesh_quantization"]
     with caplog.at_level(logging.WARNING):
         file.bounds(tmp_path)
-    assert "KHR_materials_unlit, KHR_materials_transmission" in caplog.text
+    assert "KHR_materials_volume, KHR_materials_transmission" in caplog.text
     assert "KHR_mesh_quantization" not in caplog.text
 
 
@@ -198,6 +198,13 @@ def test_the_set_of_texture_coordinates_is_the_textures_own(by_extension: bool) 
     found = laid(tree, 0, {"TEXCOORD_0": UVS, "TEXCOORD_1": UVS + 2}, WarningCollector("it"))
     np.testing.assert_array_equal(found["TEXCOORD_0"], UVS + 2)
     assert set(found) == {"TEXCOORD_0"}
+
+
+def test_a_file_without_scenes_shows_all_its_nodes(tmp_path: Path) -> None:
+    file = square()
+    file.tree["nodes"] = [{"translation": [5, 0, 0], "children": [1]}, {"mesh": 0}, {"mesh": 0}]
+    del file.tree["scene"], file.tree["scenes"]
+    assert file.bounds(tmp_path) == [[-1, -1, 0], [6, 1, 0]]
 
 
 def test_accessors_that_reach_beyond_their_buffer(tmp_path: Path) -> None:

@@ -13,14 +13,14 @@ import warp as wp
 from views import compare
 
 import warpcam as wc
-from warpcam.sources import load_file
+from warpcam.sources.common import formats
 
 trimesh = pytest.importorskip("trimesh")
 from warpcam.sources.common import geometry  # noqa: E402
 from warpcam.sources.files import mesh_file  # noqa: E402, trimesh may be missing
 
 FOLDER = Path(os.environ.get("WARPCAM_MESH_FILES", "/usr/share/assimp/models"))
-PATHS = sorted(path for path in FOLDER.rglob("*") if path.suffix.lower() in load_file.MESHES)
+PATHS = sorted(path for path in FOLDER.rglob("*") if path.suffix.lower() in formats.MESHES)
 Y_UP = np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1.0)))
 
 

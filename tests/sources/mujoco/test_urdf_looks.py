@@ -197,6 +197,34 @@ def test_packages_are_found(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert urdf.load(path).nmesh == 1
 
 
+LAYOUTS = [
+    ("repo/robots/it.urdf", "repo/meshes/b.stl", "package://repo/meshes/b.stl"),
+    ("repo/arm/urdf/it.urdf", "repo/arm/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("repo/arm_bringup/urdf/it.urdf", "repo/arm/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("arm-1a2b3c/urdf/it.urdf", "arm-1a2b3c/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("repo/urdf/it.urdf", "repo/arm/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("repo/robots/urdf/it.urdf", "repo/packages/arm/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("space/robots/it.urdf", "space/src/arm/meshes/b.stl", "package://arm/meshes/b.stl"),
+    ("data/robots/arm/urdf/it.urdf", "data/robots/arm/meshes/b.stl", "package://data/robots/arm/meshes/b.stl"),
+    ("repo/urdf/it.urdf", "repo/meshes/b.stl", "package://meshes/b.stl"),
+    ("repo/urdf/it.urdf", "repo/meshes/b.stl", "../meshes/b.stl"),
+    ("repo/urdf/it.urdf", "repo/meshes/b.stl", "meshes/b.stl"),
+    ("repo/arm/urdf/it.urdf", "repo/arm/meshes/b.stl", "file://$(find arm)/meshes/b.stl"),
+    ("repo/bringup/urdf/it.urdf", "repo/arm/meshes/b.stl", "$(find-pkg-share arm)/meshes/b.stl"),
+]
+
+
+@pytest.mark.parametrize(("path", "there", "name"), LAYOUTS)
+def test_layouts_of_repositories(path: str, there: str, name: str, tmp_path: Path) -> None:
+    """Meshes are found without an argument."""
+    for folder in (path, there):
+        (tmp_path / folder).parent.mkdir(parents=True, exist_ok=True)
+    trimesh.creation.box().export(tmp_path / there)
+    mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
+    robot((tmp_path / path).parent, mesh)
+    assert urdf.load(tmp_path / path).nmesh == 1
+
+
 @pytest.mark.parametrize("name", ["m.stl", "./m.stl", "file://{}/m.stl", "file:{}/m.stl", "file://localhost{}/m.stl"])
 def test_plain_paths(name: str, tmp_path: Path) -> None:
     trimesh.creation.box().export(tmp_path / "m.stl")

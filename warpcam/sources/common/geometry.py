@@ -169,6 +169,12 @@ class Primitive:
                 return RenderShape(CAPSULE, rotation, self.size * along[0])
         return self._as_surface().transformed(linear)
 
+    def surface(self) -> MeshGeometry:
+        """The solid in its own frame, cut into triangles."""
+        cut = self._as_surface()
+        normals = None if cut.normals is None else cut.normals @ self.turn.T
+        return MeshGeometry(self.name, cut.vertices @ self.turn.T, cut.faces, normals)
+
     def _as_surface(self) -> MeshGeometry:
         key = self.size.tobytes()
         if self._mesh is None or self._mesh[0] != key:
@@ -193,7 +199,7 @@ def _tessellated(name: str, kind: int, size: np.ndarray) -> MeshGeometry:
         return MeshGeometry(name, *tessellate.cylinder(size[0], size[0], size[1]))
     if kind == CONE:
         return MeshGeometry(name, *tessellate.cone(size[0], size[1]))
-    if kind == CAPSULE:
+    if kind in (CAPSULE, SPHERE):
         return MeshGeometry(name, *tessellate.capsule(size[0], size[0], size[1]))
     far = np.where(size[:2] > 0.0, size[:2], tessellate.FAR)
     return MeshGeometry(name, *tessellate.rectangle(far[0], far[1]))

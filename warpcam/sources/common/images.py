@@ -15,6 +15,8 @@ from warpcam.core.errors import WarpcamError
 from warpcam.textures.pack import TextureImage
 
 MAX_TILES = 4  # of an image that is repeated in another way than the kernels do, along each side
+BORDER, PART = 8, 8  # texels around an image that does not repeat, at least, and its side over that: what filters reach
+SHARP_SIDE, SHARP_SCALE = 1024, 16  # of an image that is not smoothed [texels]; times as large as it was, at most
 CUBE_SIDE = 512  # of a skybox, at most [pixels]
 TRANSFER = np.arange(256) / 255.0
 ENCODED = np.rint(255.0 * encoded_beyond(TRANSFER)).astype(np.uint8)
@@ -80,17 +82,23 @@ def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
 
 
 def ply_colors(rows: Any, count: int) -> np.ndarray | None:
-    """Colours of a PLY file's vertices or faces, (row, 3) uint8, of its properties by name; None if it has none."""
+    """Colours of a PLY file's vertices or faces, (row, 3 or 4) uint8, by the names of its properties; None if none."""
     names = getattr(getattr(rows, "dtype", None), "names", None) or (rows if isinstance(rows, dict) else ())
-    for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
+    for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")):
         if all(key in names for key in keys):
-            values = np.stack([np.asarray(rows[key]).reshape(-1) for key in keys], axis=1)
-            if len(values) != count:
-                return None
-            if values.dtype.kind == "f":
-                values = np.rint(255.0 * np.clip(np.nan_to_num(values), 0.0, 1.0))
-            return np.clip(values, 0, 255).astype(np.uint8)
+            found = (*keys, *(key for key in ("alpha", "a") if key in names))[:4]
+            columns = [_byte(np.asarray(rows[key]).reshape(-1)) for key in found]
+            return np.stack(columns, axis=1) if all(len(column) == count for column in columns) else None
     return None
+
+
+def _byte(values: np.ndarray) -> np.ndarray:
+    """Numbers of any type as uint8: the greatest of a type of integers, and 1.0, are 255."""
+    if values.dtype.kind == "f":
+        values = np.rint(255.0 * np.clip(np.nan_to_num(values), 0.0, 1.0))
+    elif values.dtype.itemsize == 2:
+        values = np.rint(values * (255.0 / np.iinfo(values.dtype).max))
+    return np.clip(values, 0, 255).astype(np.uint8)
 
 
 def wrapped(
@@ -109,17 +117,21 @@ def wrapped(
     """
     scale, offset = np.ones(2), np.zeros(2)
     for axis in (0, 1):
-        if wrap[axis] == "repeat" or (low[axis] >= -1e-3 and high[axis] <= 1.0 + 1e-3):
+        if wrap[axis] == "repeat":
             continue
-        first, last = 0, 2
-        if wrap[axis] != "mirror":
-            first = max(int(np.floor(low[axis] + 1e-3)), 1 - MAX_TILES)
-            last = min(max(int(np.ceil(high[axis] - 1e-3)), first + 1), first + MAX_TILES)
         size = pixels.shape[1 - axis]
-        place = np.arange(first * size, last * size)
+        border = max(BORDER, size // PART)
+        first, last = 0, 1
+        if low[axis] < -1e-3 or high[axis] > 1.0 + 1e-3:
+            if wrap[axis] == "mirror":
+                first, last, border = 0, 2, 0
+            else:
+                first = max(int(np.floor(low[axis] + 1e-3)), 1 - MAX_TILES)
+                last = min(max(int(np.ceil(high[axis] - 1e-3)), first + 1), first + MAX_TILES)
+        place = np.arange(first * size - border, last * size + border)
         row = np.clip(place, 0, size - 1)
         if wrap[axis] == "mirror":
-            row = np.where(place < size, place, 2 * size - 1 - place)
+            row = np.abs((place + size) % (2 * size) - size + 0.5).astype(int)
         outside = (place < 0) | (place >= size)
         if axis == 1:  # v runs up, rows down
             row, outside = size - 1 - row[::-1], outside[::-1]
@@ -127,13 +139,21 @@ def wrapped(
         if wrap[axis] == "black":
             pixels = pixels.copy()
             pixels[(slice(None), outside) if axis == 0 else outside] = 0
-        scale[axis] = 1.0 / (last - first)
-        offset[axis] = -first / (last - first)
+        scale[axis] = size / len(place)
+        offset[axis] = -place[0] / len(place)
     return None if (scale == 1.0).all() and (offset == 0.0).all() else (pixels, scale, offset)
 
 
+def sharp(pixels: np.ndarray) -> np.ndarray:
+    """An image that is not to be smoothed, larger: the kernels smooth only between its texels."""
+    times = max(min(SHARP_SIDE // max(pixels.shape[:2]), SHARP_SCALE), 1)
+    return pixels.repeat(times, axis=0).repeat(times, axis=1)
+
+
 def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Colours of triangles' corners, (triangle, 3, 3) uint8, as an image and texture coordinates, (triangle, 3, 2).
+    """Colours of triangles' corners, (triangle, 3, channel) uint8, as an image and texture coordinates.
+
+    The latter are (triangle, 3, 2).
 
     Each different triangle gets 2 x 2 texels, three of them its corners; between their centres the kernels blend just
     as they do between corners, as long as the fourth, which the other three make, is a colour at all.
@@ -143,11 +163,11 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     beyond = (np.maximum(-fourth, 0) + np.maximum(fourth - 255, 0)).sum(axis=-1)
     order = (np.argmin(beyond, axis=1)[:, None] + np.arange(3)) % 3
     turned = np.take_along_axis(colors, order[..., None], axis=1)
-    blocks, which = np.unique(turned.reshape(-1, 9), axis=0, return_inverse=True)
-    corners = blocks.reshape(-1, 3, 3).astype(np.int16)
+    blocks, which = np.unique(turned.reshape(len(turned), -1), axis=0, return_inverse=True)
+    corners = blocks.reshape(len(blocks), 3, -1).astype(np.int16)
     columns = max(int(np.ceil(np.sqrt(len(blocks)))), 1)
     rows = max(-(-len(blocks) // columns), 1)
-    image = np.zeros((rows, 2, columns, 2, 3), np.uint8)
+    image = np.zeros((rows, 2, columns, 2, colors.shape[2]), np.uint8)
     y, x = np.divmod(np.arange(len(blocks)), columns)
     image[y, 0, x, 0], image[y, 0, x, 1], image[y, 1, x, 0] = corners[:, 0], corners[:, 1], corners[:, 2]
     image[y, 1, x, 1] = np.clip(corners[:, 1] + corners[:, 2] - corners[:, 0], 0, 255)
@@ -159,7 +179,7 @@ def corner_colors(colors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     u[plain], v[plain] = left[plain, None] + 1.0, top[plain, None] + 1.0
     uvs = np.empty((len(colors), 3, 2), np.float32)
     np.put_along_axis(uvs, order[..., None], np.stack((u / (2 * columns), 1.0 - v / (2 * rows)), axis=-1), axis=1)
-    return image.reshape(2 * rows, 2 * columns, 3), uvs
+    return image.reshape(2 * rows, 2 * columns, -1), uvs
 
 
 def cube_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> TextureImage:
@@ -202,9 +222,11 @@ def packed(channels: Sequence[np.ndarray | None]) -> np.ndarray | None:
 
 
 def resized(channel: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(height, width) uint8 of that size."""
-    if channel.shape == size:
+    """(height, width) or (height, width, 1, 3 or 4) uint8 of that size."""
+    if channel.shape[:2] == size:
         return channel
+    if channel.ndim == 3:
+        return np.stack([resized(channel[..., place], size) for place in range(channel.shape[2])], axis=2)
     return np.asarray(Image.fromarray(channel).resize((size[1], size[0]), Image.Resampling.BILINEAR))
 
 

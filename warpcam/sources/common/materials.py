@@ -56,6 +56,7 @@ def material_of(look: Material) -> MaterialRow:
         float(np.clip(value, 0.0, 1.0)) for value in (look.roughness, look.metallic, look.reflectance)
     )
     red, green, blue = (max(float(value), 0.0) for value in look.emission)
+    reflectance = types.UNLIT if look.unlit else reflectance
     return MaterialRow(roughness, metallic, reflectance, (red, green, blue), tuple(textures))
 
 

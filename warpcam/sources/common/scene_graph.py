@@ -80,6 +80,7 @@ class Material:
         opacity_map: Index of the map of its opacity, or -1; ROLE_OPACITY. Only meshes with texture coordinates show it.
         cutoff: What is less opaque is not there, all else is solid; 0 for none.
         wrap: Of the textures, along u and v.
+        unlit: It shows its colour whatever the light is, and reflects nothing.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Material:
     opacity_map: int = -1
     cutoff: float = 0.0
     wrap: tuple[str, str] = ("repeat", "repeat")
+    unlit: bool = False
 
     @property
     def maps(self) -> tuple[int, ...]:

@@ -30,7 +30,7 @@ def cylinder(bottom: float, top: float, half: float) -> Cut:
 
 
 def capsule(bottom: float, top: float, half: float) -> Cut:
-    """Half spheres at -half and +half along z, and what lies between their equators."""
+    """Half spheres at -half and +half along z, and what lies between their equators: nothing in a sphere."""
     angles = np.linspace(-0.5 * np.pi, 0.0, RINGS + 1)
     low = [(np.array((np.cos(a), np.sin(a))), bottom, -half) for a in angles]
     high = [(np.array((np.cos(a), np.sin(a))), top, half) for a in angles + 0.5 * np.pi]
@@ -40,7 +40,8 @@ def capsule(bottom: float, top: float, half: float) -> Cut:
             profile.append((radius * first + (0.0, z), radius * second + (0.0, z), first, second))
     slope = np.array((2.0 * half, bottom - top))
     side = slope / max(float(np.linalg.norm(slope)), 1e-300)
-    profile.append(((bottom, -half), (top, half), side, side))
+    if half > 0.0:
+        profile.append(((bottom, -half), (top, half), side, side))
     return _turned(profile)
 
 

@@ -82,6 +82,16 @@ class Document:
                 continue
         return None
 
+    def view(self, index: Any) -> bytes:
+        """The bytes of a view of a buffer."""
+        view = self._entry("bufferViews", index)
+        data, start, length = self.buffer(view.get("buffer", -1)), view.get("byteOffset", 0), view.get("byteLength", 0)
+        if not all(isinstance(number, int) for number in (start, length)) or not 0 <= start <= start + length <= len(
+            data
+        ):
+            raise WarpcamError(f"{self.path}: bufferViews[{index}]: its {length} bytes reach beyond the buffer's end")
+        return data[start : start + length]
+
     def accessor(self, index: int) -> np.ndarray:
         """The elements of an accessor, (count, width): sparse ones in place, normalized integers as float32."""
         entry = self._entry("accessors", index)

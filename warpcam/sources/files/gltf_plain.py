@@ -2,7 +2,8 @@
 
 The document is written again, as a binary file: every primitive has float32 attributes and indexed triangles, morph
 targets and skins are as they are at rest, instances are nodes, and texture coordinates are those of the material's
-textures, moved as KHR_texture_transform says.
+textures, moved as KHR_texture_transform says. The name of a material is its index; images are left out, as
+``gltf_materials.py`` reads both. The index after the last one is the default material.
 """
 
 import copy
@@ -15,11 +16,12 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.rotations import rotation_matrices
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.files.gltf_document import BINARY_CHUNK, JSON_CHUNK, MAGIC, Document
-from warpcam.sources.files.gltf_textures import laid
+from warpcam.sources.files.gltf_textures import extension, laid
 
-TRIANGLES, STRIP, FAN = 4, 5, 6
+POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
 COMPRESSED = "KHR_draco_mesh_compression"
 INSTANCES = "EXT_mesh_gpu_instancing"
+VISIBILITY = "KHR_node_visibility"
 SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
@@ -38,11 +40,22 @@ class _Writer:
 
     def write(self) -> bytes:
         self._adopt_buffers()
-        self._adopt_images()
+        for key in ("images", "textures", "samplers"):
+            self._tree.pop(key, None)
+        count = len(self._document.listed("materials"))
+        self._tree["materials"] = [{"name": str(place)} for place in range(count + 1)]
+        if not self._tree.get("scenes"):  # a library of things: all of them
+            nodes = self._tree.get("nodes") or []
+            below = {child for node in nodes for child in node.get("children") or []}
+            self._tree |= {
+                "scene": 0,
+                "scenes": [{"nodes": [place for place in range(len(nodes)) if place not in below]}],
+            }
         meshes = self._tree.get("meshes") or []
         self._given = copy.deepcopy(meshes)
         for mesh, given in zip(meshes, self._given, strict=True):
             self._write_mesh(mesh, given, given.get("weights"), None)
+        self._hide()
         for index, node in enumerate(list(self._tree.get("nodes") or [])):
             if "mesh" in node:
                 self._rest(index, node)
@@ -67,14 +80,6 @@ class _Writer:
             view["byteOffset"] = view.get("byteOffset", 0) + starts[view.get("buffer", 0)]
             view["buffer"] = 0
 
-    def _adopt_images(self) -> None:
-        for image in self._tree.get("images") or []:
-            data = self._document.bytes_of(image.get("uri"))
-            if data is not None:
-                image["bufferView"] = self._view(data)
-                image.setdefault("mimeType", "image/png" if data[:4] == b"\x89PNG" else "image/jpeg")
-                del image["uri"]
-
     def _view(self, data: bytes) -> int:
         self._data += b"\0" * (-len(self._data) % 4)
         views = self._tree.setdefault("bufferViews", [])
@@ -98,7 +103,17 @@ class _Writer:
 
     def _write_mesh(self, mesh: dict[str, Any], given: dict[str, Any], weights: Any, matrices: Any) -> None:
         name = str(mesh.get("name") or "a mesh")
-        for primitive, source in zip(mesh.get("primitives") or [], given.get("primitives") or [], strict=True):
+        primitives, mesh["primitives"] = mesh.get("primitives") or [], []
+        for primitive, source in zip(primitives, given.get("primitives") or [], strict=True):
+            mode = source.get("mode", TRIANGLES)
+            if mode not in (POINTS, TRIANGLES, STRIP, FAN):
+                self._collector.warn("has lines, which are not drawn", name)
+                continue
+            if "POSITION" not in (source.get("attributes") or {}):
+                self._collector.warn("has a primitive without positions, which is not drawn", name)
+                continue
+            mesh["primitives"].append(primitive)
+            primitive.setdefault("material", len(self._tree["materials"]) - 1)
             if COMPRESSED in (source.get("extensions") or {}):
                 continue
             arrays = {
@@ -106,8 +121,6 @@ class _Writer:
                 for key, index in (source.get("attributes") or {}).items()
                 if not key.startswith(("JOINTS_", "WEIGHTS_", "_"))
             }
-            if "POSITION" not in arrays:
-                self._collector.warn("has a primitive without positions, which is not drawn", name)
             for weight, target in zip(weights or [], source.get("targets") or [], strict=False):
                 for key, index in target.items():
                     if key in arrays and weight:
@@ -122,9 +135,7 @@ class _Writer:
                 primitive["indices"] = self._accessor(triangles.reshape(-1, 1))
             elif "indices" in source:
                 primitive["indices"] = self._accessor(self._document.accessor(source["indices"]).astype(np.uint32))
-            arrays = laid(self._tree, source.get("material"), arrays, self._collector)
-            if arrays.get("COLOR_0", np.ones((1, 3)))[:, 3:].min(initial=1.0) < 1.0:
-                self._collector.warn("has colours of corners with an alpha, which is not drawn", name)
+            arrays = laid(self._document.tree, source.get("material"), arrays, self._collector)
             primitive["attributes"] = {key: self._accessor(values) for key, values in arrays.items()}
             primitive.pop("targets", None)
         mesh.pop("weights", None)
@@ -190,6 +201,15 @@ class _Writer:
             matrices = matrices + np.einsum("vk,vkij->vij", weights, joints[which])
             total = total + weights.sum(axis=1)
         return np.where((total > 0.0)[:, None, None], matrices / np.maximum(total, 1e-12)[:, None, None], np.eye(4))
+
+    def _hide(self) -> None:
+        """Take meshes away from nodes that are not visible, and from all below those."""
+        nodes = self._tree.get("nodes") or []
+        hidden = [node for node in nodes if (extension(node, VISIBILITY) or {}).get("visible") is False]
+        for node in hidden:  # grows
+            node.pop("mesh", None)
+            below = [nodes[child] for child in node.get("children") or [] if 0 <= child < len(nodes)]
+            hidden += [child for child in below if not any(child is other for other in hidden)]
 
     def _spread(self, node: dict[str, Any]) -> None:
         """Make nodes of a node's instances."""

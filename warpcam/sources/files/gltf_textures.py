@@ -8,9 +8,12 @@ import numpy as np
 from warpcam.sources.common.warnings import WarningCollector
 
 TRANSFORM = "KHR_texture_transform"
-REPEAT = 10497
-NEAREST = (9728, 9984, 9986)
-WAYS = ("baseColorTexture", "metallicRoughnessTexture", "normalTexture", "occlusionTexture", "emissiveTexture")
+GLOSS = "KHR_materials_pbrSpecularGlossiness"
+UNLIT = "KHR_materials_unlit"
+REPEAT, NEAREST = 10497, 9728
+WRAPS = {33071: "clamp", 33648: "mirror"}  # all else repeats
+COLORS, GLOSSY = ("baseColorTexture", "metallicRoughnessTexture"), ("diffuseTexture", "specularGlossinessTexture")
+OTHERS = ("normalTexture", "occlusionTexture", "emissiveTexture")
 
 
 def laid(
@@ -26,11 +29,10 @@ def laid(
     if not sets or isinstance(material, bool) or not isinstance(material, int) or not 0 <= material < len(materials):
         return rest | {key: values for key, values in sets.items() if key == "TEXCOORD_0"}
     name = str(materials[material].get("name") or f"material {material}")
-    ways = [_way(texture) for texture in textures_of(materials[material])]
-    if not ways:
+    textures = textures_of(materials[material])
+    if not textures:
         return rest | {key: values for key, values in sets.items() if key == "TEXCOORD_0"}
-    if any(way != ways[0] for way in ways):
-        collector.warn("has textures that lie differently, and is drawn with all as the first", name)
+    ways = [_way(texture) for texture in textures]
     place, offset, rotation, scale = ways[0]
     chosen = sets.get(f"TEXCOORD_{place}")
     if chosen is None:
@@ -39,15 +41,54 @@ def laid(
     c, s = np.cos(rotation), np.sin(rotation)
     turn = np.array(((c, s), (-s, c)))  # counter-clockwise where v runs down
     moved = np.asarray((chosen * np.asarray(scale)) @ turn.T + np.asarray(offset), np.float32)
-    _tell_sampler(tree, materials[material], moved, name, collector)
+    beyond = bool(len(moved)) and (moved.min() < -1e-3 or moved.max() > 1.001)
+    wraps = {wrap_of(tree, texture) for texture in textures}
+    if any(way != ways[0] for way in ways) or (beyond and len(wraps) > 1):
+        collector.warn("has textures that lie differently, and is drawn with all as the first", name)
     return rest | {"TEXCOORD_0": moved}
 
 
+def extension(entry: Any, name: str) -> Mapping[str, Any] | None:
+    """What an extension says of a thing, or None."""
+    found = entry.get("extensions") if isinstance(entry, Mapping) else None
+    said = found.get(name) if isinstance(found, Mapping) else None
+    return said if isinstance(said, Mapping) else None
+
+
+def is_unlit(material: Any) -> bool:
+    """Whether a material shows its base colour whatever the light is."""
+    return extension(material, UNLIT) is not None
+
+
 def textures_of(material: Any) -> list[Mapping[str, Any]]:
-    """The texture infos of a material, its base colour's first."""
-    parts = [material.get("pbrMetallicRoughness"), material] if isinstance(material, Mapping) else []
-    found = [part.get(way) for way in WAYS for part in parts if isinstance(part, Mapping)]
+    """The texture infos of a material that are drawn, its colour's first."""
+    if not isinstance(material, Mapping):
+        return []
+    gloss, unlit = extension(material, GLOSS), is_unlit(material)
+    first = material.get("pbrMetallicRoughness") if gloss is None or unlit else gloss
+    keys = COLORS[:1] if unlit else COLORS if gloss is None else GLOSSY
+    found = [first.get(key) for key in keys] if isinstance(first, Mapping) else []
+    found += [material.get(key) for key in OTHERS if not unlit]
     return [texture for texture in found if isinstance(texture, Mapping)]
+
+
+def sampler_of(tree: Mapping[str, Any], index: Any) -> Mapping[str, Any]:
+    """The sampler of a texture."""
+    return _listed(tree, "samplers", _listed(tree, "textures", index).get("sampler"))
+
+
+def _listed(tree: Mapping[str, Any], name: str, index: Any) -> Mapping[str, Any]:
+    entries = tree.get(name)
+    if not isinstance(entries, list) or not isinstance(index, int) or not 0 <= index < len(entries):
+        return {}
+    return entries[index] if isinstance(entries[index], Mapping) else {}
+
+
+def wrap_of(tree: Mapping[str, Any], texture: Mapping[str, Any]) -> tuple[str, str]:
+    """How the image of a texture info goes on beyond its sides, along u and v."""
+    sampler = sampler_of(tree, texture.get("index"))
+    first, second = (WRAPS.get(sampler.get(key, REPEAT), "repeat") for key in ("wrapS", "wrapT"))
+    return first, second
 
 
 def _way(texture: Mapping[str, Any]) -> tuple[int, tuple[float, ...], float, tuple[float, ...]]:
@@ -57,20 +98,3 @@ def _way(texture: Mapping[str, Any]) -> tuple[int, tuple[float, ...], float, tup
     moved = moved if isinstance(moved, Mapping) else {}
     offset, scale = (tuple(map(float, moved.get(key, usual))) for key, usual in (("offset", (0, 0)), ("scale", (1, 1))))
     return int(moved.get("texCoord", texture.get("texCoord", 0))), offset, float(moved.get("rotation", 0.0)), scale
-
-
-def _tell_sampler(
-    tree: Mapping[str, Any], material: Any, uvs: np.ndarray, name: str, collector: WarningCollector
-) -> None:
-    """Warn of textures that do not repeat where their images end, and of those that are not smoothed."""
-    textures, samplers = tree.get("textures") or [], tree.get("samplers") or []
-    for info in textures_of(material):
-        index = info.get("index")
-        entry = textures[index] if isinstance(index, int) and 0 <= index < len(textures) else {}
-        place = entry.get("sampler")
-        sampler = samplers[place] if isinstance(place, int) and 0 <= place < len(samplers) else {}
-        beyond = bool(len(uvs)) and (uvs.min() < -1e-3 or uvs.max() > 1.001)
-        if beyond and {sampler.get("wrapS", REPEAT), sampler.get("wrapT", REPEAT)} != {REPEAT}:
-            collector.warn("has a texture that does not repeat, and is drawn repeated", name)
-        if sampler.get("magFilter") in NEAREST:
-            collector.warn("has a texture that is not to be smoothed, and is", name)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from warpcam.sources.common.images import UnreadableError, decoded, wrapped
+from warpcam.sources.common.images import UnreadableError, decoded
 from warpcam.sources.common.materials import BARE, WHITE
 from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.scene_graph import Material
@@ -45,15 +45,11 @@ class ObjLook:
         material: Its look; ``texture`` and the like are indices of the graph.
         scale: (2,) factor of texture coordinates.
         offset: (2,) added to them afterwards.
-        clamps: Whether the image ends at its border, and is not repeated.
-        pixels: (height, width, channels) of the image of its colour, or None.
     """
 
     material: Material
     scale: np.ndarray
     offset: np.ndarray
-    clamps: bool = False
-    pixels: np.ndarray | None = None
 
 
 def text_of(data: bytes) -> str:
@@ -147,6 +143,8 @@ class LookReader:
         opacity, opacity_map = self._opacity(name, said)
         emitted = self._color(name, said, "ke", None)
         gloss, specular = self._number(name, said, "ns"), self._values(name, said, "ks")
+        first = color_map or emission_map or TextureMap("")
+        clamps = "".join(first.options.get("-clamp", ())).lower() == "on"
         flat = str(said.get("illum", "")).strip() in ("0", "1")
         rough = self._number(name, said, "pr")
         if rough is None and gloss is not None:
@@ -164,11 +162,10 @@ class LookReader:
             normals=-1 if normals is None else self._texture(f"{name}/normals", normals, False),
             emission_texture=-1 if emission is None else self._texture(f"{name}/emission", emission, True),
             opacity_map=opacity_map,
+            wrap=("clamp", "clamp") if clamps else ("repeat", "repeat"),
         )
-        first = color_map or emission_map or TextureMap("")
-        clamps = "".join(first.options.get("-clamp", ())).lower() == "on"
         scale, offset = first.numbers("-s", (1.0, 1.0))[:2], first.numbers("-o", (0.0, 0.0))[:2]
-        return ObjLook(material, scale, offset, clamps, pixels)
+        return ObjLook(material, scale, offset)
 
     def _map(self, name: str, said: Mapping[str, str], key: str) -> tuple[TextureMap | None, np.ndarray | None]:
         if not said.get(key):
@@ -245,18 +242,6 @@ def linear(value: float) -> float:
     """The inverse of the sRGB transfer function, of a value that is cut off at 0 and 1."""
     value = min(max(value, 0.0), 1.0)
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
-
-
-def laid(look: ObjLook, uvs: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """Texture coordinates, (face, 3, 2), as the material's image lies, and the image if it must be another."""
-    uvs = uvs * look.scale + look.offset
-    if look.clamps and look.pixels is not None and len(uvs):
-        low, high = uvs.reshape(-1, 2).min(axis=0), uvs.reshape(-1, 2).max(axis=0)
-        made = wrapped(look.pixels, ("clamp", "clamp"), low, high)
-        if made is not None:
-            pixels, scale, offset = made
-            return uvs * scale + offset, pixels
-    return uvs, None
 
 
 def _statements(text: str) -> Iterator[tuple[str, str]]:

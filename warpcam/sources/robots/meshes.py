@@ -7,13 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.sources.common.formats import MESHES, USD
+from warpcam.sources.common.geometry import Primitive
 from warpcam.sources.common.images import resized
 from warpcam.sources.common.materials import color_of
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
 
-FORMATS = (".dae", ".glb", ".gltf", ".obj", ".ply", ".stl")
+FORMATS = (*sorted(MESHES), *USD)
 LEAST_AREA = 1e-14  # [m^2]
 
 
@@ -52,12 +54,18 @@ def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) 
         raise WarpcamError(f"{path}: is no file of meshes that can be read; known are {', '.join(FORMATS)}")
     if not path.is_file():
         raise WarpcamError(f"{path}: there is no such file")
-    graph = import_source("files.mesh_file", "meshes").read_graph(path, collector, None, None)
-    stretch, worlds = np.diag(np.asarray(scale, np.float64)), graph.worlds()
+    if path.suffix.lower() in USD:
+        graph: SceneGraph = import_source("usd.source", "usd").read_file(path, collector)
+    else:
+        graph = import_source("files.mesh_file", "meshes").read_graph(path, collector, None, None)
+    stretch, worlds, seen = np.diag(np.asarray(scale, np.float64)), graph.worlds(), graph.seen()
     parts = []
     for item in graph.items:
+        if not seen[item.node]:
+            continue
         matrix = worlds[item.node]
-        fit = item.geometry.transformed(stretch @ matrix[:3, :3]) if np.isfinite(matrix).all() else None
+        geometry = item.geometry.surface() if isinstance(item.geometry, Primitive) else item.geometry
+        fit = geometry.transformed(stretch @ matrix[:3, :3]) if np.isfinite(matrix).all() else None
         if fit is None or fit.mesh is None:
             collector.warn("has a part that is not drawn in a robot", str(path))
             continue

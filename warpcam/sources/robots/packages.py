@@ -1,8 +1,11 @@
 """Files that a URDF file names: by packages of ROS, by URIs, or by paths."""
 
+import glob
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import gettempdir
 from typing import Any
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -10,7 +13,9 @@ from xml.etree import ElementTree
 from warpcam.core.errors import WarpcamError
 
 FOLDERS_UP = 8  # how far above a file the packages that it names are looked for
+NEAR = 2  # and from how far above in folders beside: further up lies the work of others
 SCHEMES = ("package://", "model://")
+FIND = re.compile(r"(?:file://)?\$\(find(?:-pkg-share)?\s+([^)\s]+)\s*\)")  # as xacro has it
 
 
 def check_packages(packages: Any, where: str) -> dict[str, Path]:
@@ -49,8 +54,13 @@ def find_files(
 
 def _found(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> str:
     """The first place of a file where there is one, or else the first of all."""
-    places = list(_places(name.strip(), folders, packages))
-    return str(next((place for place in places if place.is_file()), places[0]))
+    name = FIND.sub(r"package://\1", name.strip(), count=1)
+    first: Path | None = None
+    for place in _places(name, folders, packages):
+        first = first or place
+        if place.is_file():
+            return str(place)
+    return str(first or name)
 
 
 def _places(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> Iterator[Path]:
@@ -63,10 +73,13 @@ def _places(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) ->
             plain = written[5:] if written.lower().startswith("file:") else written
             plain = plain.removeprefix("//localhost") if plain.startswith("//localhost/") else plain
             plain = plain[2:] if plain.startswith("//") else plain
-            for folder in folders:
+            for folder in (*folders, *list(folders[-1].parents)[:NEAR]):
                 yield folder / plain
     for folder in folders:
         yield folder / Path(name.replace("\\", "/")).name  # where MuJoCo looks by itself
+    if scheme:
+        package, _, rest = name[len(scheme) :].partition("/")
+        yield from (root / rest for root in _beside(package, folders[-1]))
 
 
 def _of_package(package: str, rest: str, here: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
@@ -79,6 +92,16 @@ def _of_package(package: str, rest: str, here: Path, packages: Mapping[str, Path
         yield root / package / rest
     for root in above:  # a package's folder may have another name than the package
         yield root / rest
+
+
+def _beside(package: str, here: Path) -> Iterator[Path]:
+    """Folders of that name in a folder beside the file's or one not far above, as workspaces have them for packages."""
+    if package in ("", ".", ".."):
+        return
+    for above in [here, *here.parents][: NEAR + 1]:
+        if above in (Path.home(), Path(above.anchor), Path(gettempdir()).resolve()):
+            return
+        yield from sorted(above.glob(f"*/{glob.escape(package)}"))
 
 
 def _roots() -> Iterator[Path]:

@@ -12,6 +12,7 @@ from warpcam.sources.common.images import packed
 from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.common.wrapped_looks import WrappedLooks
 from warpcam.sources.usd.attributes import FIRST, AttributeReader
 from warpcam.sources.usd.inputs import InputReader
 from warpcam.sources.usd.omnipbr import OmniInputs
@@ -52,6 +53,7 @@ class MaterialReader:
         self.images = TextureImages(graph, collector)
         self._bound: dict[Sdf.Path, BoundMaterial] = {}
         self._maps: dict[tuple[Any, ...], int] = {}
+        self.wrapped = WrappedLooks(graph)
         self.inherited: dict[str, np.ndarray] = {}  # of the point instance that is read: displayColor, displayOpacity
 
     def bound_to(self, prim: Usd.Prim) -> BoundMaterial:

@@ -157,7 +157,7 @@ class MeshReader:
         look = bound.look
         uvs = self._uvs(prim, bound, triangles, time)
         if look >= 0 and uvs is not None:
-            look, uvs = self._materials.images.laid_on(look, uvs)
+            look, uvs = self._materials.wrapped.laid_on(look, uvs)
         painted = self._corner_colors(prim, triangles, time) if bound.by_color else None
         if painted is not None:
             image, uvs = corner_colors(np.rint(255.0 * linear_to_srgb(painted[mine])).astype(np.uint8))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,47 @@ def load(
     images, where = named_images(textures), device_rule.resolve(device)
     stage, name = opened(path_or_stage)
     collector = WarningCollector(name)
+    try:
+        graph = read_graph(stage, name, collector, meters_per_unit, up_axis, time, purposes, double_sided)
+    finally:
+        collector.say()
+    for label, image in images.items():
+        graph.texture_names.append(label)
+        graph.textures.append(image)
+    scene = DrivenScene(SceneGraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
+    low, high = scene.bounds()
+    size = float(np.linalg.norm(high - low))
+    if size > 0.0 and not UNITS[0] <= size <= UNITS[1]:
+        unit = float(np.cbrt(abs(np.linalg.det(graph.nodes[0].local[:3, :3]))))
+        collector.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
+        collector.say()
+    return scene
+
+
+def read_file(path: Path, collector: WarningCollector) -> SceneGraph:
+    """Read a file in its own axes, in metres.
+
+    Raises:
+        WarpcamError: The file cannot be read, or shows nothing.
+    """
+    return read_graph(*opened(path), collector, up_axis=None)
+
+
+def read_graph(
+    stage: Usd.Stage,
+    name: str,
+    collector: WarningCollector,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
+    time: float | None = None,
+    purposes: Sequence[str] = ("default", "render"),
+    double_sided: bool | None = None,
+) -> SceneGraph:
+    """Read a stage; arguments as ``warpcam.from_usd`` has them.
+
+    Raises:
+        WarpcamError: USD cannot read it, or it shows nothing.
+    """
     _tell_of_errors(stage, collector)
     unit = _unit(stage, meters_per_unit, collector)
     root = np.diag((unit, unit, unit, 1.0))
@@ -75,7 +117,6 @@ def load(
     except Tf.ErrorException as error:
         raise WarpcamError(f"{name}: USD cannot read it: {short(error)}") from None
     if not graph.items:
-        collector.say()
         raise WarpcamError(f"{name}: {reason_of_no_shapes(stage, purposes)}")
     hider = hidden(graph)
     if hider:
@@ -83,17 +124,7 @@ def load(
             f"{name}: has nothing to draw; {len(graph.items)} shapes came, none is visible: {hider} is invisible; make "
             "it visible; scene.set_visible hides it again"
         )
-    for label, image in images.items():
-        graph.texture_names.append(label)
-        graph.textures.append(image)
-    collector.say()
-    scene = DrivenScene(SceneGraphSource(graph, int(num_worlds), where, semantics, exposure, transparency))
-    low, high = scene.bounds()
-    size = float(np.linalg.norm(high - low))
-    if size > 0.0 and not UNITS[0] <= size <= UNITS[1]:
-        collector.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
-        collector.say()
-    return scene
+    return graph
 
 
 def _tell_of_errors(stage: Usd.Stage, collector: WarningCollector) -> None:

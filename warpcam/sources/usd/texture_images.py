@@ -1,6 +1,5 @@
 """Images of a stage's textures and domes: read once, and kept in a graph."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from warpcam.sources.common.images import (
     cube_of_panorama,
     decoded,
     map_of_normals,
-    wrapped,
 )
 from warpcam.sources.common.scene_graph import SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
@@ -31,42 +29,7 @@ class TextureImages:
         self._graph, self._collector = graph, collector
         self._pixels: dict[str, np.ndarray | None] = {}
         self._textures: dict[tuple[Any, ...], int] = {}
-        self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
         self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
-
-    def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
-        """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
-        base = self._graph.materials[look]
-        images = {
-            name: getattr(base, name) for name in ("texture", "normals", "packed", "emission_texture", "opacity_map")
-        }
-        if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
-            return look, uvs
-        flat = uvs.reshape(-1, 2)
-        low, high = flat.min(axis=0), flat.max(axis=0)
-        key = (look, *np.floor(low + 1e-3), *np.ceil(high - 1e-3))
-        if key not in self._wrapped:
-            self._wrapped[key] = look, np.ones(2), np.zeros(2)
-            others: dict[str, int] = {}
-            scale = offset = np.zeros(2)
-            for name, index in images.items():
-                done = wrapped(self._graph.textures[index].pixels, base.wrap, low, high) if index >= 0 else None
-                if done is not None:
-                    own = f"{self._graph.texture_names[index]} {base.wrap}"
-                    others[name] = self.add(own, done[0], color=name in ("texture", "emission_texture"))
-                    scale, offset = done[1], done[2]
-            if others:
-                self._graph.materials.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
-                self._wrapped[key] = len(self._graph.materials) - 1, scale, offset
-        index, scale, offset = self._wrapped[key]
-        if base.wrap != ("repeat", "repeat") and index != look:
-            limits = [(0.5e-3 * s, 1.0 - 0.5e-3 * s) for s in scale]
-            moved = uvs * scale + offset
-            for axis in (0, 1):
-                if base.wrap[axis] in ("clamp", "black"):
-                    moved[..., axis] = np.clip(moved[..., axis], *limits[axis])
-            return index, moved
-        return index, uvs
 
     def mean_of(self, asset: Sdf.AssetPath, where: str) -> np.ndarray | None:
         """The mean linear colour of an image, (3,); None if it cannot be read."""
