@@ -39,8 +39,8 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
     lines = [
         "# Gallery: warpcam and mujoco.Renderer",
         "",
-        f"Pictures of {len(rows)} scenes of other packages, {report['size'][0]}x{report['size'][1]}, by warpcam and by "
-        f"{report['judge']}. To make this page:",
+        f"Pictures of {len(rows)} scenes of other packages and made here, {report['size'][0]}x{report['size'][1]}, by "
+        f"warpcam and by {report['judge']}. To make this page:",
         "",
         "```sh",
         "pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab",
@@ -50,8 +50,11 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         "",
         "PSNR is over all channels of all pixels; more is better. FLIP is the difference that eyes see when two "
         "pictures are swapped, 0 to 1; less is better. Mesa is set not to round while it filters textures "
-        "(`GALLIVM_PERF`). Rays of range finders are not drawn. mujoco_warp is MuJoCo-Warp's own renderer with all its "
-        "features on: textures, shadows, skybox and the same number of samples per pixel.",
+        "(`GALLIVM_PERF`). Rays of range finders are not drawn. The picture with 16 times the samples is "
+        "mujoco.Renderer's own, of four times as many pixels each way, averaged: its figures say how much the judge's "
+        "few samples matter. They have the colours that their triangles would have in the middle of the pixel, even "
+        "where a triangle does not reach it. mujoco_warp is MuJoCo-Warp's own renderer with all its features on: "
+        "textures, shadows, skybox and the same number of samples per pixel.",
         "",
         "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
         "|---|---:|---:|---:|---:|---:|",
