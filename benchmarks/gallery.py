@@ -53,8 +53,8 @@ def write_page(path: Path, report: Mapping[str, Any], wanted: Mapping[str, float
         "(`GALLIVM_PERF`). Rays of range finders are not drawn. The picture with 16 times the samples is "
         "mujoco.Renderer's own, of four times as many pixels each way, averaged: its figures say how much the judge's "
         "few samples matter. They have the colours that their triangles would have in the middle of the pixel, even "
-        "where a triangle does not reach it. mujoco_warp is MuJoCo-Warp's own renderer with all its features on: "
-        "textures, shadows, skybox and the same number of samples per pixel.",
+        "where a triangle does not reach it; the finer picture also has finer mip levels. mujoco_warp is MuJoCo-Warp's "
+        "own renderer with all its features on: textures, shadows, skybox and the same number of samples per pixel.",
         "",
         "| | shots | median PSNR [dB] | least PSNR [dB] | mean FLIP | largest FLIP |",
         "|---|---:|---:|---:|---:|---:|",
