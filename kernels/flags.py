@@ -7,7 +7,7 @@ from warpcam.kernels import types
 
 
 class GeometryFlag(IntFlag):
-    """Shape types among the drawn shapes: bit t is type t of types.py. native/camera/shape_record.h, ShapeType."""
+    """Shape types among the drawn shapes: bit t is type t of types.py. native/shapes/shape_types.h, ShapeType."""
 
     PLANE = 1 << types.PLANE
     HEIGHT_FIELD = 1 << types.HEIGHT_FIELD

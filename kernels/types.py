@@ -65,25 +65,25 @@ class Shapes:
     ids: wp.array2d(dtype=wp.int32)  # (world, shape) the source's id, -1 where a world has none; empty: as `shape`
     body_ids: wp.array2d(dtype=wp.int32)  # (world, shape) likewise, instead of `bodies`
     positions: wp.array2d(dtype=wp.vec3)  # (world, shape) world frame [m]; NaN hides the shape's world
-    rotations: wp.array2d(dtype=wp.mat33)  # (world, shape) columns are the shape's axes in the world frame
+    # (world, shape) columns are the shape's axes in the world frame; zeros are a fault of a world that draws the shape
+    rotations: wp.array2d(dtype=wp.mat33)
     # (world*, shape) sphere r; capsule, cylinder and cone (r, half length along z); barrel (r of its ends, half
     # length, r of its arc or 0 for a straight side); ellipsoid and box half extents; plane half widths
     # in x and y, 0 = infinite; meshes and height fields: scales along their axes if PER_SHAPE_SCALE is among
-    # the scene's flags, else not read [m]
+    # the scene's flags, else not read [m]. A size of which nothing is above 0 is a fault as zeros of a rotation are
     sizes: wp.array2d(dtype=wp.vec3)
     assets: wp.array2d(dtype=wp.int32)  # (world*, shape) index of the mesh or height field; -1 draws nothing
     materials: wp.array2d(dtype=wp.int32)  # (world*, shape) index into Materials, or -1
-    colors: wp.array2d(
-        dtype=wp.vec4
-    )  # (world*, shape) RGBA; native/shading/appearance.h, load_finish() says how it meets the material
+    # (world*, shape) RGBA; how it meets the material: load_material() of native/shading/resolved_material.h
+    colors: wp.array2d(dtype=wp.vec4)
 
 
 @wp.struct
 class Meshes:
     """Triangle meshes in their own frames, shared by all worlds, all in the same few arrays."""
 
-    lower: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
-    upper: wp.array(dtype=wp.vec3)  # (mesh,)
+    bounds_min: wp.array(dtype=wp.vec3)  # (mesh,) corner of the bounding box [m]
+    bounds_max: wp.array(dtype=wp.vec3)  # (mesh,)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
@@ -162,8 +162,8 @@ class Textures:
     # (texel,) R | G << 8 | B << 16 | A << 24, display values. Level after level; a level of a cube holds its six
     # faces, +x -x +y -y +z -z, one after another; rows from the top of the image.
     texels: wp.array(dtype=wp.uint32)
-    sheets: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its sheet, or 0: accel/sheets.py
-    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one: accel/mips.py
+    atlases: wp.array(dtype=wp.uint64)  # (texture,) CUDA's texture object of its mip atlas; 0: none
+    mips: wp.array(dtype=wp.uint64)  # (texture,) the same of a mipmapped one
 
 
 @wp.struct

@@ -50,7 +50,14 @@ def from_mujoco_warp(
     """
     seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.device").load(
-        mjm, m, d, groups, draw, reflections, seen_through, planes_from_behind=bool(planes_from_behind)
+        mjm,
+        m,
+        d,
+        groups=groups,
+        draw=draw,
+        reflections=reflections,
+        transparency=seen_through,
+        planes_from_behind=bool(planes_from_behind),
     )
     return scene
 
@@ -83,7 +90,14 @@ def from_mujoco(
     """
     seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.host").load(
-        mjm, mjd, groups, device, draw, reflections, seen_through, planes_from_behind=bool(planes_from_behind)
+        mjm,
+        mjd,
+        groups=groups,
+        device=device,
+        draw=draw,
+        reflections=reflections,
+        transparency=seen_through,
+        planes_from_behind=bool(planes_from_behind),
     )
     return scene
 
@@ -123,7 +137,7 @@ def from_newton(
             ``scene.columns`` says which shape stands where.
     """
     scene: Scene = import_source("newton.source", "newton").load(
-        model, state, lights, ambient, semantics, transparency, textures
+        model, state, lights=lights, ambient=ambient, semantics=semantics, transparency=transparency, textures=textures
     )
     return scene
 
@@ -228,5 +242,12 @@ def load(
     from warpcam.sources import load_file
 
     return load_file.load(
-        path, num_worlds, device, meters_per_unit, up_axis, {} if textures is None else textures, transparency, packages
+        path,
+        num_worlds,
+        device,
+        meters_per_unit=meters_per_unit,
+        up_axis=up_axis,
+        textures={} if textures is None else textures,
+        transparency=transparency,
+        packages=packages,
     )

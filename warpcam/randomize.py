@@ -182,7 +182,7 @@ def _stage(state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.arr
     if stage is None:
         if capturing:
             raise WarpcamError(f"randomize: a capture is under way, and {name} is new; call it once before")
-        stage = _record(state, target, name, recipe, what, rows, seeds)
+        stage = _record(state, target, name, recipe=recipe, what=what, rows=rows, seeds=seeds)
         stage.prepare()
     return state.keep(key, stage, capturing)
 

@@ -3,36 +3,28 @@
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.build.bvh4 import SCRATCH, builder_options
+from warpcam.kernels.build.bvh4 import SCRATCH, builder_options, run_builder
+from warpcam.kernels.runtime.kernels import make_kernel
 
-
-@wp.func_native("""
+_build = make_kernel(
+    "build_boxes",
+    """
 #if !defined(__CUDA_ARCH__)
     warpcam::bvh4_build::Size size =
         warpcam::bvh4_build::build_boxes(boxes.data, count, scratch.data, nodes.data, order.data);
     sizes.data[0] = size.nodes;
 #endif
-""")
-def _build(
-    boxes: wp.array(dtype=wp.float32),
-    count: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.float32),
-    order: wp.array(dtype=wp.int32),
-    sizes: wp.array(dtype=wp.int32),
-): ...
-
-
-@wp.kernel(module="unique", enable_backward=False, module_options=builder_options("box_builder.h"))
-def _build_kernel(
-    boxes: wp.array(dtype=wp.float32),
-    count: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.float32),
-    order: wp.array(dtype=wp.int32),
-    sizes: wp.array(dtype=wp.int32),
-):
-    _build(boxes, count, scratch, nodes, order, sizes)
+""",
+    {
+        "boxes": wp.array(dtype=wp.float32),
+        "count": wp.int32,
+        "scratch": wp.array(dtype=wp.int32),
+        "nodes": wp.array(dtype=wp.float32),
+        "order": wp.array(dtype=wp.int32),
+        "sizes": wp.array(dtype=wp.int32),
+    },
+    builder_options("box_builder.h"),
+)
 
 
 def build(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -53,10 +45,5 @@ def build(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     sizes = np.zeros(1, np.int32)
     scratch = np.empty(count * SCRATCH // 4, np.int32)
 
-    def flat(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(values.reshape(-1), dtype=dtype, device="cpu", copy=False)
-
-    inputs = [flat(boxes, wp.float32), count, flat(scratch, wp.int32)]
-    outputs = [flat(nodes, wp.float32), flat(order, wp.int32), flat(sizes, wp.int32)]
-    wp.launch(_build_kernel, dim=1, inputs=inputs, outputs=outputs, device="cpu")
+    run_builder(_build, boxes, count, scratch, nodes, order, sizes)
     return nodes[: 7 * sizes[0]].copy(), order

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
+from warpcam.kernels.runtime.kernels import make_kernel
 
 MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
 MAX_LEAF = 12  # faces in a leaf, as kMaxLeaf
@@ -32,7 +33,9 @@ def builder_options(header: str) -> dict[str, Any]:
     return {"extra_build_options": build, **compiler_flags()}
 
 
-@wp.func_native("""
+_build = make_kernel(
+    "build_bvh4",
+    """
 #if !defined(__CUDA_ARCH__)
     warpcam::bvh4_build::Size size =
         warpcam::bvh4_build::build(vertices.data, faces.data, num_faces, scratch.data, nodes.data, rows.data);
@@ -40,34 +43,32 @@ def builder_options(header: str) -> dict[str, Any]:
     counts.data[1] = size.depth;
     counts.data[2] = size.faces;
 #endif
-""")
-def _build(
-    vertices: wp.array(dtype=wp.float32),
-    faces: wp.array(dtype=wp.int32),
-    num_faces: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.float32),
-    rows: wp.array(dtype=wp.float32),
-    counts: wp.array(dtype=wp.int32),
-): ...
+""",
+    {
+        "vertices": wp.array(dtype=wp.float32),
+        "faces": wp.array(dtype=wp.int32),
+        "num_faces": wp.int32,
+        "scratch": wp.array(dtype=wp.int32),
+        "nodes": wp.array(dtype=wp.float32),
+        "rows": wp.array(dtype=wp.float32),
+        "counts": wp.array(dtype=wp.int32),
+    },
+    builder_options("bvh4_builder.h"),
+)
 
 
-@wp.kernel(module="unique", enable_backward=False, module_options=builder_options("bvh4_builder.h"))
-def _build_kernel(
-    vertices: wp.array(dtype=wp.float32),
-    faces: wp.array(dtype=wp.int32),
-    num_faces: wp.int32,
-    scratch: wp.array(dtype=wp.int32),
-    nodes: wp.array(dtype=wp.float32),
-    rows: wp.array(dtype=wp.float32),
-    counts: wp.array(dtype=wp.int32),
-):
-    _build(vertices, faces, num_faces, scratch, nodes, rows, counts)
+def run_builder(kernel: wp.Kernel, *arguments: np.ndarray | int) -> None:
+    """Run a builder on one core; contiguous arrays are read and written in place."""
+    inputs = [
+        wp.array(value.reshape(-1), device="cpu", copy=False) if isinstance(value, np.ndarray) else value
+        for value in arguments
+    ]
+    wp.launch(kernel, dim=1, inputs=[*inputs, 0], device="cpu")
 
 
 def load() -> None:
     """Compile the builder, by a thread for which others are compiled, too: each has to precompile headers."""
-    wp.force_load("cpu", [_build_kernel.module], max_workers=0)
+    wp.force_load("cpu", [_build.module], max_workers=0)
 
 
 def max_listed(num_faces: int) -> int:
@@ -97,10 +98,5 @@ def build(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     counts = np.zeros(3, np.int32)
     scratch = np.empty(count * SCRATCH // 4, np.int32)
 
-    def flat(values: np.ndarray, dtype: type) -> wp.array:
-        return wp.array(values.reshape(-1), dtype=dtype, device="cpu", copy=False)
-
-    inputs = [flat(vertices, wp.float32), flat(faces, wp.int32), count, flat(scratch, wp.int32)]
-    outputs = [flat(nodes, wp.float32), flat(rows, wp.float32), flat(counts, wp.int32)]
-    wp.launch(_build_kernel, dim=1, inputs=inputs, outputs=outputs, device="cpu")
+    run_builder(_build, vertices, faces, count, scratch, nodes, rows, counts)
     return nodes[: 7 * counts[0]].copy(), rows[: 3 * counts[2]].copy(), int(counts[1])

@@ -17,7 +17,7 @@ TURNS, SLABS = 4, 24  # native/build/occluder_builder.h
 def kernel() -> wp.Kernel:
     """Return the kernel that tests candidates."""
 
-    @wp.func_native("return warpcam::find_shutter(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
+    @wp.func_native("return warpcam::find_occluder_box(meshes, open, mesh, face, warpcam::Way(way), at, rows);")
     def find(  # type: ignore[empty-body]
         meshes: Meshes,
         open: wp.array(dtype=wp.uint8),
@@ -52,7 +52,7 @@ def kernel() -> wp.Kernel:
 def build_occluder_boxes(
     meshes: Meshes, open_faces: np.ndarray, owners: np.ndarray, faces: np.ndarray, device: wp.Device
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The best shutter over each of some faces.
+    """The best box over each of some faces.
 
     Args:
         meshes: What lies on ``device``; none of it moves, and no face is seen from behind.

@@ -12,13 +12,14 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.shading import LIT
 from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
@@ -33,50 +34,32 @@ SAMPLES: Mapping[int, Sequence[tuple[float, float]]] = {
 @functools.cache
 def _target_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of one camera's images in all worlds. Arrays that were not asked for are empty."""
-    fields = {"mask": wp.array(dtype=wp.uint8)}  # (world,) 0 leaves the world's images alone
-    fields |= visible_fields(shape_dtype, face_dtype)  # in the pixels' centres
+    fields = visible_fields(shape_dtype, face_dtype)  # in the pixels' centres
     # (world * height * width * channels,) as lit
     fields |= {name: wp.array(dtype=OUTPUTS[name].dtype) for name in LIT}
     # written: the same with smooth edges
     fields |= {f"smooth_{name}": wp.array(dtype=OUTPUTS[name].dtype) for name in LIT}
-    return make_struct("SmoothTarget", fields | {"width": wp.int32, "height": wp.int32})
+    return make_struct("SmoothTarget", fields)
 
 
 @functools.cache
 def _kernel(key: EdgeKey, target_type: Any) -> wp.Kernel:
     types, lens, (width, height), images = key.types.native, int(key.lens), key.region, int(key.images)
-
-    @wp.func_native(
-        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {int(key.by_words)}, {int(key.in_place)}>"
-        "(shapes, meshes, fields, views, target, index);"
+    how = f"{int(key.by_words)}, {int(key.in_place)}"
+    return make_kernel(
+        "smooth_edges",
+        f"warpcam::smooth<{types}, {lens}, {width}, {height}, {images}, {how}>"
+        "(shapes, meshes, fields, views, target, index);",
+        {
+            "shapes": Shapes,
+            "meshes": Meshes,
+            "fields": HeightFields,
+            "views": wp.array(dtype=View),
+            "target": target_type,
+        },
+        native_module("antialiasing/edge_resolve.h", key.threads),
+        (key.threads, key.blocks),
     )
-    def smooth(
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        index: int,
-    ): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(key.threads, key.blocks),
-        module_options=native_module("antialiasing/edge_resolve.h", key.threads),
-    )
-    def smooth_edges(
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        first: wp.int32,
-    ):
-        smooth(shapes, meshes, fields, views, target, first + wp.tid())
-
-    return smooth_edges
 
 
 @register("smooth edges", needs=("depth", "shape", "face"))
@@ -86,13 +69,7 @@ def bind(planned: PlannedPass[EdgeKey], frame: CameraFrame) -> Stage:
     What is left out of the trace no sample hits.
     """
     tables, key = frame.tables, planned.key
-    shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
-    target_type = _target_struct(shape.dtype, dtype_of(face))
-    target = target_type()
-    target.mask, target.width, target.height = frame.mask, frame.width, frame.height
-    target.depth, target.shape = frame.get(planned, "depth"), shape
-    if face is not None:
-        target.face = face
+    target_type, target = frame.visible(planned, _target_struct)
     for name in LIT:
         if (image := frame.find(planned, f"smooth {name}")) is not None:
             setattr(target, name, frame.get(planned, name))

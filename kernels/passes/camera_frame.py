@@ -1,6 +1,6 @@
 """Arrays of one camera that its passes read and write."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,7 @@ class CameraFrame:
             planar depth.
         views: View, (world,).
         mask: uint8, (world,); worlds with 0 are left alone.
-        faults: uint8, (world,); set to 1 where a pose or size is not a number.
+        faults: uint8, (world,); set to 1 where a pose or size is not finite or 0.
         images: Arrays (world, height, width, channels) of the outputs.
         buffers: Arrays (world, height, width, 1) of the plan's buffers; only the rows of the group are there.
         mirrors: Mirror, (world,); empty where no image shows mirrors.
@@ -79,6 +79,26 @@ class CameraFrame:
         if found is None:
             raise ValueError(f"{planned.name}: no array is planned for {role!r}, there are {dict(planned.arrays)}")
         return found
+
+    def fill(self, planned: PlannedPass[Any], struct: Any, roles: Iterable[str]) -> Any:
+        """Set those fields of a struct whose array the pass has, and return the struct."""
+        for role in roles:
+            if (array := self.find(planned, role)) is not None:
+                setattr(struct, role, array)
+        return struct
+
+    def visible(self, planned: PlannedPass[Any], struct_of: Callable[[Any, Any], Any]) -> tuple[Any, Any]:
+        """A struct with the ``visible_fields`` of trace_target.py as the pass has them: its type, and the struct.
+
+        Args:
+            planned: The pass, with "depth" and "shape".
+            struct_of: Gives the type for the dtypes of shape ids and faces.
+        """
+        shape, face = self.get(planned, "shape"), self.find(planned, "face")
+        struct_type = struct_of(shape.dtype, dtype_of(face))
+        struct = struct_type()
+        struct.mask, struct.width, struct.height = self.mask, self.width, self.height
+        return struct_type, self.fill(planned, struct, ("depth", "shape", "face"))
 
     def launch(
         self, planned: PlannedPass[Any], kernel: wp.Kernel, arguments: Sequence[Any], block_dim: int = THREADS

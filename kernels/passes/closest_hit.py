@@ -6,6 +6,7 @@ import warp as wp
 
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 
 
@@ -18,34 +19,17 @@ def closest_hit_kernel(header: str, function: str, blocks: int, target_type: Any
         blocks: That a multiprocessor is to hold.
         target_type: Struct of what is written.
     """
-
-    @wp.func_native(f"warpcam::{function}(shapes, materials, meshes, fields, views, target, index);")
-    def draw(
-        shapes: Shapes,
-        materials: Materials,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        index: int,
-    ): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(THREADS, blocks),
-        module_options=native_module(header),
+    return make_kernel(
+        "visibility",
+        f"warpcam::{function}(shapes, materials, meshes, fields, views, target, index);",
+        {
+            "shapes": Shapes,
+            "materials": Materials,
+            "meshes": Meshes,
+            "fields": HeightFields,
+            "views": wp.array(dtype=View),
+            "target": target_type,
+        },
+        native_module(header),
+        (THREADS, blocks),
     )
-    def visibility(
-        shapes: Shapes,
-        materials: Materials,
-        meshes: Meshes,
-        fields: HeightFields,
-        views: wp.array(dtype=View),
-        target: target_type,
-        first: wp.int32,
-    ):
-        draw(shapes, materials, meshes, fields, views, target, first + wp.tid())
-
-    return visibility

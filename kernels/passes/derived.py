@@ -6,13 +6,14 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.plan.derived import DerivedKey
 from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
@@ -21,12 +22,8 @@ from warpcam.kernels.types import HeightFields, Meshes, Shapes, View
 @functools.cache
 def _frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of what the trace has found in one camera's images."""
-    fields = {
-        "views": wp.array(dtype=View),  # (world,)
-        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-    }
-    fields |= visible_fields(shape_dtype, face_dtype)
-    return make_struct("SeenFrame", fields | {"width": wp.int32, "height": wp.int32})
+    fields = {"views": wp.array(dtype=View)}  # (world,)
+    return make_struct("SeenFrame", fields | visible_fields(shape_dtype, face_dtype))
 
 
 @functools.cache
@@ -37,38 +34,15 @@ def _images_struct(outputs: tuple[str, ...]) -> Any:
 
 @functools.cache
 def _kernel(key: DerivedKey, code: str, frame_type: Any, images_type: Any) -> wp.Kernel:
-    @wp.func_native(
+    return make_kernel(
+        "derive_images",
         f"using Types = {key.types.native};\n"
         f"warpcam::derive_pixel<Types, {int(key.lens)}>(frame, shapes, meshes, fields, index,\n"
-        f"    [&](int pixel, const warpcam::SeenSurface& seen) {{{code}}});"
+        f"    [&](int pixel, const warpcam::SeenSurface& seen) {{{code}}});",
+        {"frame": frame_type, "images": images_type, "shapes": Shapes, "meshes": Meshes, "fields": HeightFields},
+        native_module("shading_pass/derived_pixel.h"),
+        (THREADS, key.blocks),
     )
-    def derive(
-        frame: frame_type,
-        images: images_type,
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        index: int,
-    ): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(THREADS, key.blocks),
-        module_options=native_module("shading_pass/derived_pixel.h"),
-    )
-    def derive_images(
-        frame: frame_type,
-        images: images_type,
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        first: wp.int32,
-    ):
-        derive(frame, images, shapes, meshes, fields, first + wp.tid())
-
-    return derive_images
 
 
 def register_derived(name: str, writes: tuple[str, ...], code: str) -> None:
@@ -86,15 +60,9 @@ def register_derived(name: str, writes: tuple[str, ...], code: str) -> None:
     @register(name, needs=("depth", "shape", "face"), writes=writes)
     def bind(planned: PlannedPass[DerivedKey], frame: CameraFrame) -> Stage:
         tables = frame.tables
-        shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
-        frame_type, images_type = _frame_struct(shape.dtype, dtype_of(face)), _images_struct(writes)
-        seen, images = frame_type(), images_type()
-        seen.views, seen.mask, seen.width, seen.height = frame.views, frame.mask, frame.width, frame.height
-        seen.depth, seen.shape = frame.get(planned, "depth"), shape
-        if face is not None:
-            seen.face = face
-        for output in writes:
-            if (image := frame.find(planned, output)) is not None:
-                setattr(images, output, image)
+        frame_type, seen = frame.visible(planned, _frame_struct)
+        seen.views = frame.views
+        images_type = _images_struct(writes)
+        images = frame.fill(planned, images_type(), writes)
         arguments = [seen, images, tables.shapes, tables.meshes, tables.height_fields]
         return frame.launch(planned, _kernel(planned.key, code, frame_type, images_type), arguments)

@@ -12,6 +12,7 @@ import warp as wp
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan.history import is_compact
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, View
@@ -60,35 +61,18 @@ class FlowHistory:
     height: wp.int32
 
 
-@wp.func_native("warpcam::write_motion(shapes, views, mask, history, pinhole, scaled, compact, keep, moves, index);")
-def write_motion(
-    shapes: Shapes,
-    views: wp.array(dtype=View),
-    mask: wp.array(dtype=wp.uint8),
-    history: FlowHistory,
-    pinhole: int,
-    scaled: int,
-    compact: int,
-    keep: int,
-    moves: int,
-    index: int,
-): ...
-
-
-@wp.kernel(module="unique", enable_backward=False, module_options=native_module("flow/shape_motion.h"))
-def write_motions(
-    shapes: Shapes,
-    views: wp.array(dtype=View),
-    mask: wp.array(dtype=wp.uint8),
-    history: FlowHistory,
-    pinhole: wp.int32,
-    scaled: wp.int32,
-    compact: wp.int32,
-    keep: wp.int32,
-    moves: wp.int32,
-    first: wp.int32,
-):
-    write_motion(shapes, views, mask, history, pinhole, scaled, compact, keep, moves, first + wp.tid())
+write_motions = make_kernel(
+    "write_motions",
+    "warpcam::write_motion(shapes, views, mask, history, pinhole, scaled, compact, keep, moves, index);",
+    {
+        "shapes": Shapes,
+        "views": wp.array(dtype=View),
+        "mask": wp.array(dtype=wp.uint8),
+        "history": FlowHistory,
+        **dict.fromkeys(("pinhole", "scaled", "compact", "keep", "moves"), wp.int32),
+    },
+    native_module("flow/shape_motion.h"),
+)
 
 
 @wp.kernel(enable_backward=False)

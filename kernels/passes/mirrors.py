@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.layers import Mirror
-from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.closest_hit import closest_hit_kernel
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.views import is_finite
@@ -113,20 +113,18 @@ def write_mirrors(
 
 
 @functools.cache
-def _target_struct(shape_dtype: Any, face_dtype: Any, seen_dtype: Any) -> Any:
+def _target_struct(seen_dtype: Any, shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of the arrays that the trace of the mirrored view reads and writes. No image is mirrored.
 
     ``shape`` is -2 where the mirror shows nothing and -1 where no mirror is seen; ``depth`` is from the mirrored view.
     """
-    fields = {
-        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+    fields = visible_fields(shape_dtype, face_dtype) | {
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
         "mirrors": wp.array(dtype=Mirror),  # (world,)
         "transparent_index": wp.array(dtype=wp.int32),  # (shape,) not -1 for shapes that may be transparent
         "seen_depth": wp.array(dtype=wp.float32),  # planar depth of what the view itself sees [m]
         "seen_shape": wp.array(dtype=seen_dtype),  # shape id of it
     }
-    fields |= visible_fields(shape_dtype, face_dtype) | {"width": wp.int32, "height": wp.int32}
     return make_struct("MirrorTarget", fields)
 
 
@@ -150,15 +148,10 @@ def bind_mirrors(planned: PlannedPass[None], frame: CameraFrame) -> Stage:
 def bind_trace(planned: PlannedPass[MirrorKey], frame: CameraFrame) -> Stage:
     """Bind the trace of what one camera sees in mirrors; see ``_target_struct`` for the buffers."""
     tables = frame.tables
-    seen_shape, shape, face = frame.get(planned, "seen shape"), frame.get(planned, "shape"), frame.find(planned, "face")
-    target_type = _target_struct(shape.dtype, dtype_of(face), seen_shape.dtype)
-    target = target_type()
-    target.mask, target.faults, target.mirrors = frame.mask, frame.faults, frame.mirrors
+    seen_shape = frame.get(planned, "seen shape")
+    target_type, target = frame.visible(planned, functools.partial(_target_struct, seen_shape.dtype))
+    target.faults, target.mirrors = frame.faults, frame.mirrors
     target.transparent_index = frame.layers.transparent_index
     target.seen_depth, target.seen_shape = frame.get(planned, "seen depth"), seen_shape
-    target.depth, target.shape = frame.get(planned, "depth"), shape
-    if face is not None:
-        target.face = face
-    target.width, target.height = frame.width, frame.height
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, frame.mirrored, target]
     return frame.launch(planned, _kernel(planned.key, target_type), arguments)

@@ -8,7 +8,7 @@ import warp as wp
 from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.layers import Haze, Mirror
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
+from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.world_overrides import WorldOverrides
 from warpcam.kernels.plan.frame import PlannedPass
@@ -16,6 +16,7 @@ from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.shading import IMAGES, LAYER_FLAGS, OVERRIDE_FLAGS, ShadingKey
 from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import (
@@ -41,14 +42,9 @@ def frame_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         shape_dtype: Integer type of shape ids.
         face_dtype: Integer type of faces.
     """
-    fields = {
-        "views": wp.array(dtype=View),  # (world,)
-        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-    }
+    fields = {"views": wp.array(dtype=View)}  # (world,)
     fields |= visible_fields(shape_dtype, face_dtype) | {
         "shadow": wp.array(dtype=wp.uint8),  # (pixel,) as the shadow pass wrote it; empty without shadows
-        "width": wp.int32,
-        "height": wp.int32,
         "horizon": wp.float32,  # how far the camera of MuJoCo's renderer sees [m]; see native/shading/plane_grid.h
         "plane": wp.int32,  # id of the plane whose corners are kept, or -1; native/shading/plane_vertex_lighting.h
     }
@@ -82,45 +78,24 @@ def _kernel(key: ShadingKey, frame_type: Any) -> wp.Kernel:
         lights_type = Physical
         scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
 
-    @wp.func_native(
+    return make_kernel(
+        "write_images",
         f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {written}, {facts}{more}>"
-        f"({scene}, lights, index);"
+        f"({scene}, lights, index);",
+        {
+            "frame": frame_type,
+            "images": images_type,
+            "shapes": Shapes,
+            "meshes": Meshes,
+            "fields": HeightFields,
+            "materials": Materials,
+            "textures": Textures,
+            "lights": lights_type,
+            "background": Background,
+        },
+        native_module("shading_pass/shading_pass.h"),
+        (THREADS, key.blocks),
     )
-    def resolve(
-        frame: frame_type,
-        images: images_type,
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        materials: Materials,
-        textures: Textures,
-        lights: lights_type,
-        background: Background,
-        index: int,
-    ): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(THREADS, key.blocks),
-        module_options=native_module("shading_pass/shading_pass.h"),
-    )
-    def write_images(
-        frame: frame_type,
-        images: images_type,
-        shapes: Shapes,
-        meshes: Meshes,
-        fields: HeightFields,
-        materials: Materials,
-        textures: Textures,
-        lights: lights_type,
-        background: Background,
-        first: wp.int32,
-    ):
-        resolve(frame, images, shapes, meshes, fields, materials, textures, lights, background, first + wp.tid())
-
-    return write_images
 
 
 @register("shading", needs=("depth", "shape", "face"), writes=tuple(IMAGES))
@@ -131,11 +106,9 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     itself that lies in the images already, and is added to.
     """
     tables, facts = frame.tables, planned.key.facts
-    shape, face = frame.get(planned, "shape"), frame.find(planned, "face")
     more, varied = facts & LAYER_FLAGS, facts & OVERRIDE_FLAGS and tables.world_overrides is not None
     kind = "overridden" if varied else "layered" if more else "plain"
-    frame_type, images_type = frame_struct(kind, shape.dtype, dtype_of(face)), images_struct()
-    seen = frame_type()
+    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind))
     if varied:
         seen.overrides = tables.world_overrides
     if more:
@@ -144,16 +117,9 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if facts & ShadingFlag.MIRROR_VIEW else frame.views
-    seen.mask, seen.width, seen.height = frame.mask, frame.width, frame.height
-    seen.depth, seen.shape = frame.get(planned, "depth"), shape
-    for role, array in (("face", face), ("shadow", frame.find(planned, "shadow"))):
-        if array is not None:
-            setattr(seen, role, array)
+    frame.fill(planned, seen, ("shadow",))
     seen.horizon, seen.plane = tables.horizon, tables.first_plane
-    images = images_type()
-    for name in IMAGES:
-        if (image := frame.find(planned, name)) is not None:
-            setattr(images, name, image)
+    images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)
     arguments = [seen, images, *scene, tables.materials, tables.textures, lights, tables.background]
     return frame.launch(planned, _kernel(planned.key, frame_type), arguments)

@@ -14,6 +14,7 @@ from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.splats import IMAGES, SplatKey
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage
 from warpcam.kernels.runtime.structs import make_struct
 from warpcam.kernels.types import Shapes, Splats, View
@@ -60,23 +61,14 @@ def _frame_struct(kind: str, shape_dtype: Any) -> Any:
 
 @functools.cache
 def _kernel(key: SplatKey, frame_type: Any, images_type: Any) -> wp.Kernel:
-    @wp.func_native(
+    return make_kernel(
+        "blend_splats",
         f"warpcam::draw_splats<{int(key.lens)}, {key.capacity}, {key.wanted}>"
-        "(warpcam::SplatScene{frame, images, shapes, splats}, index);"
+        "(warpcam::SplatScene{frame, images, shapes, splats}, index);",
+        {"frame": frame_type, "images": images_type, "shapes": Shapes, "splats": Splats},
+        native_module("splats/gaussian_blend.h"),
+        (THREADS, key.blocks),
     )
-    def draw(frame: frame_type, images: images_type, shapes: Shapes, splats: Splats, index: int): ...
-
-    @wp.kernel(
-        module="unique",
-        enable_backward=False,
-        grid_stride=False,
-        launch_bounds=(THREADS, key.blocks),
-        module_options=native_module("splats/gaussian_blend.h"),
-    )
-    def blend_splats(frame: frame_type, images: images_type, shapes: Shapes, splats: Splats, first: wp.int32):
-        draw(frame, images, shapes, splats, first + wp.tid())
-
-    return blend_splats
 
 
 @wp.kernel(enable_backward=False)
@@ -102,6 +94,8 @@ def find_broken(
             for j in range(3):
                 for k in range(3):
                     total += rotation[j, k]
+            if wp.ddot(rotation, rotation) == 0.0 or wp.dot(size, size) == 0.0:
+                faults[world] = wp.uint8(1)
             if not wp.isfinite(total):
                 faults[world] = wp.uint8(1)
                 view = views[world]
@@ -111,7 +105,10 @@ def find_broken(
 
 @register("check of Gaussians")
 def bind_check(planned: PlannedPass[None], frame: CameraFrame) -> Stage:
-    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number."""
+    """Bind the stage that breaks the views of worlds where a cloud's pose or size is not a number.
+
+    Clouds whose rotation or size is 0 are missing there, which is a fault, too.
+    """
     inputs = [frame.tables.shapes, frame.tables.splats, frame.mask, frame.faults, frame.views]
     return frame.launch(planned, find_broken, inputs, BLOCK_DIM)
 
@@ -134,10 +131,7 @@ def bind(planned: PlannedPass[SplatKey], frame: CameraFrame) -> Stage:
     behind.views, behind.mask = frame.views, frame.mask
     behind.depth, behind.shape = frame.get(planned, "seen depth"), shape
     behind.width, behind.height = frame.width, frame.height
-    changed = images_type()
-    for name in IMAGES:
-        if (image := frame.find(planned, name)) is not None:
-            setattr(changed, name, image)
+    changed = frame.fill(planned, images_type(), IMAGES)
     changed.instance_of, changed.semantic_of = tables.labels["instances"], tables.labels["semantics"]
     arguments = [behind, changed, tables.shapes, tables.splats]
     return frame.launch(planned, _kernel(key, frame_type, images_type), arguments)

@@ -21,8 +21,11 @@ class LabelImages:
 
 
 def visible_fields(shape_dtype: Any, face_dtype: Any) -> dict[str, Any]:
-    """Arrays of what the trace finds in each pixel, which later passes read. Each is (world * height * width,)."""
+    """Fields of every struct of one camera's visibility in all worlds; images are (world * height * width,)."""
     return {
+        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
+        "width": wp.int32,
+        "height": wp.int32,
         "depth": wp.array(dtype=wp.float32),  # planar depth [m]; View.miss where nothing is hit
         "shape": wp.array(dtype=shape_dtype),  # shape id, or -1
         # mesh: row / 3 of the face in the mesh's part of Meshes.faces; height field: 2 * cell + k, where k = 0 is the
@@ -42,8 +45,7 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         face_dtype: Integer type that holds every face, and of height fields one number more.
     """
     fields: dict[str, Any] = {
-        "mask": wp.array(dtype=wp.uint8),  # (world,) 0 leaves the world's images alone
-        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not a number
+        "faults": wp.array(dtype=wp.uint8),  # (world,) set to 1 where a pose or size is not finite or 0
     }
     if kind == "opaque":
         fields["transparent_index"] = wp.array(dtype=wp.int32)  # (shape,) not -1 for shapes that may be transparent
@@ -55,8 +57,6 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         # (world * height * width * 3,) unit, world frame, towards the camera; 0 where nothing is hit. Only for scenes
         # without meshes and height fields
         "normals": wp.array(dtype=wp.float32),
-        "width": wp.int32,
-        "height": wp.int32,
     }
     if kind == "flow":
         fields["history"] = FlowHistory

@@ -28,7 +28,7 @@ def _kernel(key: TraceKey, target_type: Any) -> wp.Kernel:
     if key.outputs & TraceFlag.TRACE_ALBEDO:
         header, function = (
             "shading_pass/visibility_albedo.h",
-            f"draw_painted<{types}, {capacity}, {width}, {height}, {outputs}, {int(key.facts)}>",
+            f"draw_with_albedo<{types}, {capacity}, {width}, {height}, {outputs}, {int(key.facts)}>",
         )
     return closest_hit_kernel(header, function, key.blocks, target_type)
 
@@ -46,14 +46,12 @@ def _kind(outputs: TraceFlag) -> str:
 def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
     """Bind the trace of one camera."""
     key, tables = planned.key, frame.tables
-    arrays = {role: array for role in (*ARRAYS, "ids") if (array := frame.find(planned, role)) is not None}
     kind = _kind(key.outputs)
-    target_type = target_struct(kind, dtype_of(arrays.get("shape")), dtype_of(arrays.get("face")))
-    target = target_type()
+    shape, face = frame.find(planned, "shape"), frame.find(planned, "face")
+    target_type = target_struct(kind, dtype_of(shape), dtype_of(face))
+    target = frame.fill(planned, target_type(), (*ARRAYS, "ids"))
     target.mask, target.faults = frame.mask, frame.faults
     target.width, target.height = frame.width, frame.height
-    for role, array in arrays.items():
-        setattr(target, role, array)
     if kind == "flow":
         target.history = frame.flow_history
     elif kind == "albedo":

@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
@@ -56,9 +57,7 @@ def scale_lights(
     lights: wp.int32,
     first: wp.int32,
 ):
-    place = first + wp.tid()
-    world = place // lights
-    light = place - world * lights
+    world, light = row_and_column(first + wp.tid(), lights)
     dimmed[world, light] = intensities[world, light] * colors[world % colors.shape[0], light]
 
 
@@ -70,9 +69,7 @@ def replace_shape_colors(
     shapes: wp.int32,
     first: wp.int32,
 ):
-    place = first + wp.tid()
-    world = place // shapes
-    shape = place - world * shapes
+    world, shape = row_and_column(first + wp.tid(), shapes)
     color = own[world, shape]
     if source[world % source.shape[0], shape][3] == 0.0:
         color[3] = 0.0

@@ -7,6 +7,7 @@ import warp as wp
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.scene_tables import SceneTables
 
 BLOCKS = 8  # on a multiprocessor: bounds the registers of a thread
@@ -24,8 +25,7 @@ class DerivedKey:
         return BLOCKS
 
 
-def plan_derived(
-    tables: SceneTables, lens: str, width: int, height: int, device: wp.Device
-) -> PlannedLaunch[DerivedKey]:
+def plan_derived(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PlannedLaunch[DerivedKey]:
     """The kernel of such a pass."""
-    return PlannedLaunch(DerivedKey(launches.scene_types(tables, device), LENSES[lens]), width * height)
+    key = DerivedKey(launches.scene_types(tables, device), LENSES[request.lens])
+    return PlannedLaunch(key, request.width * request.height)

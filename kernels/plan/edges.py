@@ -1,6 +1,5 @@
 """Kernels that smooth the edges of images."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import warp as wp
@@ -8,6 +7,7 @@ import warp as wp
 from warpcam.kernels.flags import ImageFlag, Lens
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, region_size
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import IMAGES
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
@@ -42,21 +42,15 @@ class EdgeKey:
 
 
 def plan_edges(
-    tables: SceneTables,
-    lens: str,
-    width: int,
-    height: int,
-    images: Collection[str],
-    byte_ids: bool,
-    device: wp.Device,
-    group: Group,
+    tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group, *, byte_ids: bool
 ) -> PlannedLaunch[EdgeKey]:
     """The kernel that smooths the edges of a camera's images; ``byte_ids``: shape ids have a byte."""
+    width, height = request.width, request.height
     analytic = launches.is_analytic(tables.shape_types)
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     if device.is_cuda and analytic:
         region = min(region, REGION)
-    placed = in_place(tables, images, width, height, device)
+    placed = in_place(tables, request, device)
     if placed:
         region = (SIDE, SIDE)
         threads, blocks = THREADS_IN_PLACE, BLOCKS_IN_PLACE
@@ -65,19 +59,27 @@ def plan_edges(
     else:
         threads, blocks = launches.THREADS, BLOCKS if byte_ids else MANY_BLOCKS
     flags = ImageFlag(0)
-    for name in images:
+    for name in request.smooth:
         flags |= IMAGES[name]
-    by_words = device.is_cuda and _by_words(tables, images, width, height)
-    types = launches.scene_types(tables, device)
-    key = EdgeKey(types, LENSES[lens], region, flags, by_words, placed, threads, blocks)
+    by_words = device.is_cuda and _by_words(tables, request)
+    key = EdgeKey(
+        types=launches.scene_types(tables, device),
+        lens=LENSES[request.lens],
+        region=region,
+        images=flags,
+        by_words=by_words,
+        in_place=placed,
+        threads=threads,
+        blocks=blocks,
+    )
     return PlannedLaunch(key, launches.world_threads(launches.regions_of(width, height, region), device, threads))
 
 
-def in_place(tables: SceneTables, images: Collection[str], width: int, height: int, device: wp.Device) -> bool:
+def in_place(tables: SceneTables, request: ImageRequest, device: wp.Device) -> bool:
     """Return whether images are smoothed in place, without a buffer of their colours."""
-    if not device.is_cuda or not _by_words(tables, images, width, height):
+    if not device.is_cuda or not _by_words(tables, request):
         return False
-    return width <= SIDE and height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
+    return request.width <= SIDE and request.height <= SIDE and tables.num_worlds >= WORTH_PLACE * device.sm_count
 
 
 def wave(device: wp.Device) -> int:
@@ -85,6 +87,7 @@ def wave(device: wp.Device) -> int:
     return device.sm_count * BLOCKS_IN_PLACE
 
 
-def _by_words(tables: SceneTables, images: Collection[str], width: int, height: int) -> bool:
+def _by_words(tables: SceneTables, request: ImageRequest) -> bool:
     """Return whether colours are loaded by words, in scenes that gain by it."""
-    return MESH in tables.shape_types and "hdr" not in images and width * height % 4 == 0 and width >= 3
+    pixels = request.width * request.height
+    return MESH in tables.shape_types and "hdr" not in request.smooth and pixels % 4 == 0 and request.width >= 3

@@ -4,7 +4,7 @@
 counted from the plan.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -16,6 +16,7 @@ from warpcam.kernels.plan import edges, history, launches, shading, shadow, spla
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
@@ -27,38 +28,13 @@ from warpcam.kernels.scene_tables import SceneTables
 KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
 
 Key = TypeVar("Key")
+Result = TypeVar("Result")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
 
 Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
-
-
-@dataclass(frozen=True)
-class ImageRequest:
-    """Images that one camera is asked for.
-
-    Attributes:
-        width: Of the images [pixels].
-        height: Of the images [pixels].
-        lens: One of ``launches.LENSES``.
-        outputs: Names, of ``OUTPUTS``.
-        shadows: Lights cast shadows.
-        antialiasing: Samples of a pixel.
-    """
-
-    width: int
-    height: int
-    lens: str
-    outputs: tuple[str, ...]
-    shadows: bool = False
-    antialiasing: int = 1
-
-    @property
-    def smooth(self) -> tuple[str, ...]:
-        """Outputs whose edges are smoothed."""
-        return lit_outputs(self.outputs) if self.antialiasing > 1 else ()
 
 
 @dataclass(frozen=True)
@@ -149,10 +125,10 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     transparent = tables.layers is not None and tables.layers.has_transparent and bool(lit)
     mirrors = tables.layers is not None and tables.layers.has_mirrors and bool(lit)
     mirrors = mirrors and request.lens not in launches.TABLES
-    capacity = 0 if transparent else _list_capacity(tables, request, device)
-    in_place = bool(smooth) and edges.in_place(tables, smooth, request.width, request.height, device)
+    capacity = 0 if transparent else trace.capacity_of(tables, request, device)
+    in_place = bool(smooth) and edges.in_place(tables, request, device)
     buffers = _buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
-    planner = _Planner(tables, request, device, group, buffers, mirrors, capacity > 0)
+    planner = _Planner(tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0)
     rest = tuple(name for name in request.outputs if name not in lit)
     if transparent:  # what is seen through is not where the other outputs have it
         sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
@@ -160,25 +136,16 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         last: Passes = ()
     else:
         visibility, last = planner.plan((*lit, *rest), False)
-    lists = None
-    if capacity:
-        flow = not set(history.OUTPUTS).isdisjoint(request.outputs)
-        lists = trace.plan_list(tables, request.lens, request.outputs, flow, device)
     return FramePlan(
-        lists,
-        trace.rows_of(capacity, request.outputs),
-        tuple(buffers.items()),
-        visibility,
-        last,
-        frozenset() if transparent or smooth else _late(tables, request),
-        mirrors,
-        in_place,
+        lists=trace.plan_list(tables, request, device) if capacity else None,
+        list_rows=trace.rows_of(capacity, request.outputs),
+        buffers=tuple(buffers.items()),
+        visibility=visibility,
+        shading=last,
+        late=frozenset() if transparent or smooth else _late(tables, request),
+        mirrors=mirrors,
+        in_place=in_place,
     )
-
-
-def _list_capacity(tables: SceneTables, request: ImageRequest, device: wp.Device) -> int:
-    """Shapes of a list that is made before the trace; 0: none is."""
-    return trace.capacity_of(tables, request.lens, request.width, request.height, request.outputs, device)
 
 
 def _late(tables: SceneTables, request: ImageRequest) -> frozenset[str]:
@@ -268,13 +235,13 @@ class _Planner:
             last.append(self._pass("shading", launch, (*seen, *shadows, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
-            launch = self._plan(edges.plan_edges, smooth, bytes_each)
             images = tuple((f"smooth {name}", name) for name in smooth)
-            last.append(self._pass("smooth edges", launch, (*seen, *colors, *images)))
+            smoothing = self._plan(edges.plan_edges, byte_ids=bytes_each)
+            last.append(self._pass("smooth edges", smoothing, (*seen, *colors, *images)))
         others = dict.fromkeys(pass_of(name).name for name in derived if name not in PASSES["shading"].writes)
         for name in others:
             images = tuple((output, output) for output in derived if output in PASSES[name].writes)
-            last.append(self._pass(name, self._derived(), (*seen, *images)))
+            last.append(self._pass(name, plan_derived(tables, request, self.device), (*seen, *images)))
         if tables.splats is not None:
             first.insert(0, PlannedPass("check of Gaussians", None, 1))
             last.append(self._splats(outputs, written))
@@ -287,7 +254,7 @@ class _Planner:
         derived = [name for name, role in names.items() if role is None]
         if self.tables.ids_by_world and "shape" in images:  # asked for are ids; later passes read columns
             images["ids"] = images.pop("shape")
-        if "albedo" in derived and self._plan_albedo(images):
+        if "albedo" in derived and self._plan(trace.traces_albedo, images=images):
             images["albedo"] = "albedo"
             derived.remove("albedo")
         if self.request.lens in launches.TABLES:
@@ -297,26 +264,9 @@ class _Planner:
                 images[role] = BUFFER + role
         return tuple(images.items()), derived
 
-    def _plan_albedo(self, images: Mapping[str, str]) -> bool:
-        request, at_once = self.request, self.group.concurrent_worlds
-        size = (request.width, request.height)
-        return trace.traces_albedo(self.tables, request.lens, *size, at_once, images, self.device)
-
     def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass[Any]:
-        request, facts = self.request, shading.traced_albedo_facts(self.tables)
-        roles = [role for role, _ in arrays]
-        launch = trace.plan_trace(
-            self.tables,
-            request.lens,
-            request.width,
-            request.height,
-            roles,
-            facts,
-            self.device,
-            self.group,
-            opaque=opaque,
-            listed=self.listed,
-        )
+        roles, facts = [role for role, _ in arrays], shading.traced_albedo_facts(self.tables)
+        launch = self._plan(trace.plan_trace, images=roles, facts=facts, opaque=opaque, listed=self.listed)
         return self._pass("trace", launch, arrays)
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
@@ -326,44 +276,24 @@ class _Planner:
         faces = "face" in dict(mirrored)
         return [
             PlannedPass("mirrors", None, 1),
-            self._pass("trace in mirrors", self._plan(trace.plan_mirror, faces), (*seen, *mirrored)),
+            self._pass("trace in mirrors", self._plan(trace.plan_mirror, faces=faces), (*seen, *mirrored)),
             self._pass("shading", self._shading(colors, False, mirrors=True, mirrored=True), (*mirrored, *colors)),
         ]
 
     def _shading(self, images: Arrays, shadows: bool, **how: bool) -> launches.PlannedLaunch[ShadingKey]:
-        request = self.request
-        names = [name for name, _ in images]
-        return shading.plan_shading(
-            self.tables,
-            request.lens,
-            request.width,
-            request.height,
-            names,
-            shadows,
-            self.device,
-            self.group,
-            **how,
-        )
+        return self._plan(shading.plan_shading, outputs=[name for name, _ in images], shadows=shadows, **how)
 
     def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass[Any]:
-        request = self.request
         images = {name: name for name in outputs if name in splats.IMAGES or name in history.OUTPUTS}
-        if request.lens in launches.TABLES:
+        if self.request.lens in launches.TABLES:
             images = _swapped(images)
-        launch = splats.plan_splats(
-            self.tables, request.lens, request.width, request.height, tuple(images), self.device
-        )
+        launch = splats.plan_splats(self.tables, self.request, self.device, images=tuple(images))
         seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
         return self._pass("Gaussians", launch, (*seen, *images.items()))
 
-    def _derived(self) -> launches.PlannedLaunch[DerivedKey]:
-        request = self.request
-        return plan_derived(self.tables, request.lens, request.width, request.height, self.device)
-
-    def _plan(self, plan: Any, *facts: Any) -> launches.PlannedLaunch[Any]:
-        """Call a plan whose arguments are scene, lens and size, facts of its own, device and group."""
-        request = self.request
-        return plan(self.tables, request.lens, request.width, request.height, *facts, self.device, self.group)
+    def _plan(self, plan: Callable[..., Result], **facts: Any) -> Result:
+        """Call a plan whose arguments are scene, request, device and group, and facts of its own."""
+        return plan(self.tables, self.request, self.device, self.group, **facts)
 
     def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass[Any]:
         return PlannedPass(name, launch.key, launch.threads, arrays)

@@ -15,9 +15,9 @@ LENSES = {
     "pinhole": Lens.PINHOLE,
     "orthographic": Lens.ORTHOGRAPHIC,
     "rays": Lens.RAYS,
-    "spread": Lens.RAY_TABLE_WITH_ORIGINS,
+    "offset_rays": Lens.RAY_TABLE_WITH_ORIGINS,
 }
-TABLES = frozenset(("rays", "spread"))  # those of them that are tables
+TABLES = frozenset(("rays", "offset_rays"))  # those of them that are tables
 THREADS = 128  # of a CUDA block; core/platform.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp

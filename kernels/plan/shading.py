@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.kernels.flags import ImageFlag, Lens, ShadingFlag
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import PLANE
@@ -71,14 +72,12 @@ class ShadingKey:
 
 def plan_shading(
     tables: SceneTables,
-    lens: str,
-    width: int,
-    height: int,
-    outputs: Collection[str],
-    shadows: bool,
+    request: ImageRequest,
     device: wp.Device,
     group: Group,
     *,
+    outputs: Collection[str],
+    shadows: bool,
     mirrors: bool = False,
     mirrored: bool = False,
     write_back: bool = False,
@@ -87,17 +86,16 @@ def plan_shading(
 
     Args:
         tables: The scene.
-        lens: One of LENSES.
-        width: Of the image [pixels].
-        height: Of the image [pixels].
-        outputs: Names, those of IMAGES.
-        shadows: There is an image of shadows.
+        request: Lens and size of the images.
         device: Where it runs.
         group: Worlds that are drawn.
+        outputs: Names, those of IMAGES.
+        shadows: There is an image of shadows.
         mirrors: The scene reflects.
         mirrored: The view is the one from behind the mirrors.
         write_back: Transparent shapes that cover most of a pixel replace what was found there.
     """
+    width, height = request.width, request.height
     layers, layered = tables.layers, ShadingFlag(0)
     transparent = 0
     if layers is not None and not set(LIT).isdisjoint(outputs):
@@ -112,7 +110,7 @@ def plan_shading(
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         facts |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
-        plain = frozenset(outputs) in IN_QUADS and lens == "pinhole" and tables.physical is None
+        plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
         plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
         by_vertices = not shadows or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
@@ -130,7 +128,15 @@ def plan_shading(
     lit = not set(LIT).isdisjoint(outputs)
     types = launches.scene_types(tables, device, appearance=True, lit=lit)
     types = launches.in_order(types, len(group.worlds) * threads, device)
-    key = ShadingKey(types, LENSES[lens], capacity, region, images, facts, transparent)
+    key = ShadingKey(
+        types=types,
+        lens=LENSES[request.lens],
+        capacity=capacity,
+        region=region,
+        images=images,
+        facts=facts,
+        transparent=transparent,
+    )
     return PlannedLaunch(key, threads)
 
 

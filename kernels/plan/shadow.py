@@ -7,6 +7,7 @@ import warp as wp
 from warpcam.kernels.flags import GeometryFlag, Lens, SceneFlag
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import MESH
@@ -23,7 +24,7 @@ WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEE
 CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CPU_CAPACITIES = (64, 192)  # the same on a CPU, whose kernels take no longer with room to spare
 MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
-MANY = 384  # shapes; more are such a crowd
+MANY = 384  # shapes; with more, native/shadow/many_casters.h
 MOST = 2**20  # shapes that can be told apart there
 
 
@@ -43,7 +44,7 @@ class ShadowKey:
 
 
 def plan_shadow(
-    tables: SceneTables, lens: str, width: int, height: int, device: wp.Device, group: Group
+    tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group
 ) -> PlannedLaunch[ShadowKey]:
     """The kernel of a camera's shadow pass."""
     types = launches.scene_types(tables, device)
@@ -57,10 +58,11 @@ def plan_shadow(
     many = MANY < num_casters <= MOST and MESH not in tables.shape_types
     capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES if device.is_cuda else CPU_CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
+    width, height = request.width, request.height
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
     types = launches.in_order(SceneTypes(types.geometry, scene), len(group.worlds) * threads, device)
-    return PlannedLaunch(ShadowKey(many, types, LENSES[lens], capacity, region), threads)
+    return PlannedLaunch(ShadowKey(many, types, LENSES[request.lens], capacity, region), threads)
 
 
 def has_occluder_boxes(tables: SceneTables) -> bool:

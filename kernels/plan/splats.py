@@ -8,6 +8,7 @@ import warp as wp
 from warpcam.kernels.flags import Lens, SplatFlag, TraceFlag
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, flag_if
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.scene_tables import SceneTables
 
 IMAGES = {
@@ -50,7 +51,7 @@ class SplatKey:
 
 
 def plan_splats(
-    tables: SceneTables, lens: str, width: int, height: int, images: Collection[str], device: wp.Device
+    tables: SceneTables, request: ImageRequest, device: wp.Device, *, images: Collection[str]
 ) -> PlannedLaunch[SplatKey]:
     """The kernel that draws clouds over ``images``, which may have "flow" and "flow_valid" among them."""
     flow = flag_if(TraceFlag.FLOW, "flow" in images) | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in images)
@@ -64,5 +65,6 @@ def plan_splats(
     for name, flag in IMAGES.items():
         flags |= flag_if(flag, name in images)
     capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
-    threads = launches.world_threads(launches.regions_of(width, height, (REGION, REGION)), device)
-    return PlannedLaunch(SplatKey(LENSES[lens], capacity, flags, flow), threads)
+    regions = launches.regions_of(request.width, request.height, (REGION, REGION))
+    threads = launches.world_threads(regions, device)
+    return PlannedLaunch(SplatKey(LENSES[request.lens], capacity, flags, flow), threads)

@@ -16,6 +16,7 @@ from warpcam.kernels.flags import (
 )
 from warpcam.kernels.plan import history, launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
@@ -111,14 +112,12 @@ class ListKey:
 
 def plan_trace(
     tables: SceneTables,
-    lens: str,
-    width: int,
-    height: int,
-    images: Collection[str],
-    facts: ShadingFlag,
+    request: ImageRequest,
     device: wp.Device,
     group: Group,
     *,
+    images: Collection[str],
+    facts: ShadingFlag,
     opaque: bool = False,
     listed: bool = False,
 ) -> PlannedLaunch[TraceKey]:
@@ -126,26 +125,25 @@ def plan_trace(
 
     Args:
         tables: The scene.
-        lens: One of LENSES.
-        width: Of the image [pixels].
-        height: Of the image [pixels].
-        images: Names of all arrays that are written, "depth", "shape" and "face" among them.
-        facts: Of the scene's looks.
+        request: Lens and size of the images.
         device: Where it runs.
         group: Worlds that are traced.
+        images: Names of all arrays that are written, "depth", "shape" and "face" among them.
+        facts: Of the scene's looks.
         opaque: Transparent shapes are left out.
         listed: A stage has listed the shapes.
     """
+    width, height = request.width, request.height
     most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
     capacity = launches.list_capacity(tables.num_drawn, device, most)
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
-    painted = bool(outputs & TraceFlag.TRACE_ALBEDO)
+    with_albedo = bool(outputs & TraceFlag.TRACE_ALBEDO)
     if device.is_cuda:  # nothing is faster by these on a CPU, and fewer kernels are compiled without
-        threes = not {"points", "normals"}.isdisjoint(images)
-        outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and threes)
+        vectors = not {"points", "normals"}.isdisjoint(images)
+        outputs |= flag_if(TraceFlag.WIDTH_MULTIPLE_OF_4, width % 4 == 0 and vectors)
         tall = 4 * tiles_at_once(tables.shape_types, region)
         outputs |= flag_if(TraceFlag.NO_PARTIAL_TILES, width % 8 == 0 and height % tall == 0)
     if region == (width, height):
@@ -153,42 +151,49 @@ def plan_trace(
         outputs |= flag_if(TraceFlag.LISTED_AHEAD, listed)
     parts = parts_of(images, width, height) if listed else launches.regions_of(width, height, region)
     threads = launches.world_threads(parts, device)
-    types = launches.scene_types(tables, device, appearance=painted, lit=opaque)
+    types = launches.scene_types(tables, device, appearance=with_albedo, lit=opaque)
     types = launches.in_order(types, len(group.worlds) * threads, device)
-    several = tables.num_drawn > capacity
-    known = facts if painted else NO_FACTS
-    return PlannedLaunch(TraceKey(types, LENSES[lens], capacity, several, region, outputs, known), threads)
+    key = TraceKey(
+        types=types,
+        lens=LENSES[request.lens],
+        capacity=capacity,
+        several=tables.num_drawn > capacity,
+        region=region,
+        outputs=outputs,
+        facts=facts if with_albedo else NO_FACTS,
+    )
+    return PlannedLaunch(key, threads)
 
 
 def plan_mirror(
-    tables: SceneTables, lens: str, width: int, height: int, faces: bool, device: wp.Device, group: Group
+    tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group, *, faces: bool
 ) -> PlannedLaunch[MirrorKey]:
     """The kernel that traces what is seen in mirrors."""
+    width, height = request.width, request.height
     capacity = launches.list_capacity(tables.num_drawn, device)
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
     several = tables.num_drawn > capacity
-    key = MirrorKey(launches.scene_types(tables, device), LENSES[lens], capacity, several, region, faces)
+    key = MirrorKey(launches.scene_types(tables, device), LENSES[request.lens], capacity, several, region, faces)
     return PlannedLaunch(key, threads)
 
 
-def plan_list(tables: SceneTables, lens: str, outputs: Collection[str], flow: bool, device: wp.Device) -> ListKey:
-    """The kernel that lists the shapes of a camera; ``flow``: and composes their motions."""
-    wanted = flag_if(TraceFlag.NORMAL, "normals" in outputs)
-    if flow:
-        wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in outputs)
+def plan_list(tables: SceneTables, request: ImageRequest, device: wp.Device) -> ListKey:
+    """The kernel that lists the shapes of a camera, and where flow is asked for composes their motions."""
+    wanted = flag_if(TraceFlag.NORMAL, "normals" in request.outputs)
+    if not set(history.OUTPUTS).isdisjoint(request.outputs):
+        wanted |= TraceFlag.FLOW | flag_if(TraceFlag.FLOW_VALID, "flow_valid" in request.outputs)
     types = launches.scene_types(tables, device, lit=False)
-    return ListKey(types, LENSES[lens], launches.list_capacity(tables.num_drawn, device), wanted)
+    return ListKey(types, LENSES[request.lens], launches.list_capacity(tables.num_drawn, device), wanted)
 
 
-def capacity_of(
-    tables: SceneTables, projection: str, width: int, height: int, outputs: Collection[str], device: wp.Device
-) -> int:
+def capacity_of(tables: SceneTables, request: ImageRequest, device: wp.Device) -> int:
     """Return the capacity of the camera's shape lists; 0 for no lists."""
+    width, height, outputs = request.width, request.height, request.outputs
     few = 0 < tables.num_drawn <= LANES
     plain = launches.is_analytic(tables.shape_types) and not tables.ids_by_world
     alike = history.composes(tables, device)  # what the stage composes is what a block would
-    if not (alike and few and plain and projection not in launches.TABLES and LISTED_OUTPUTS.issuperset(outputs)):
+    if not (alike and few and plain and request.lens not in launches.TABLES and LISTED_OUTPUTS.issuperset(outputs)):
         return 0
     region = region_size(tables, tables.num_worlds, width, height, device)
     rows = region == launches.REGIONS[0] and "flow_valid" not in outputs
@@ -209,8 +214,8 @@ def parts_of(images: Collection[str], width: int, height: int) -> int:
     pixels = launches.REGIONS[0][0] * launches.REGIONS[0][1]
     small = width * height <= pixels
     more = small and not {"distance", "bodies", "instances", "semantics"}.isdisjoint(images)
-    threes = ("points" in images) + ("normals" in images)
-    wanted = 4 * threes or (2 if "flow" in images or more else 1)
+    vectors = ("points" in images) + ("normals" in images)
+    wanted = 4 * vectors or (2 if "flow" in images or more else 1)
     wanted = 1 if "flow_valid" in images else wanted
     if small:
         return min(wanted, width * height // launches.THREADS, height // 4)
@@ -235,14 +240,15 @@ def tiles_at_once(shape_types: Set[int], region: tuple[int, int]) -> int:
 
 
 def traces_albedo(
-    tables: SceneTables, lens: str, width: int, height: int, at_once: int, images: Collection[str], device: wp.Device
+    tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group, *, images: Collection[str]
 ) -> bool:
     """Return whether the trace of these images writes albedo, too: native/shading_pass/visibility_albedo.h."""
+    width, height = request.width, request.height
     plain = launches.is_analytic(tables.shape_types) and tables.physical is None and tables.splats is None
     moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
-    if not (device.is_cuda and plain and lens == "pinhole") or moved or tables.num_drawn > launches.MAX_LISTED:
+    if not (device.is_cuda and plain and request.lens == "pinhole") or moved or tables.num_drawn > launches.MAX_LISTED:
         return False
-    tall = tiles_at_once(tables.shape_types, region_size(tables, at_once, width, height, device))
+    tall = tiles_at_once(tables.shape_types, region_size(tables, group.concurrent_worlds, width, height, device))
     return {"flow", "flow_valid"}.isdisjoint(images) and width % 8 == 0 and height % (4 * tall) == 0
 
 

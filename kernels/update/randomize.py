@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
@@ -31,9 +32,7 @@ class Draw:
 @wp.func
 def start(draw: Draw, place: wp.int32):
     """World and row of an entry, and the state of its random generator."""
-    count = draw.rows.shape[0]
-    world = place // count
-    entry = place - world * count
+    world, entry = row_and_column(place, draw.rows.shape[0])
     seed = draw.seeds[world % draw.seeds.shape[0]]
     own = wp.rand_init(world, draw.owners[entry])
     return world, draw.rows[entry], wp.rand_init(wp.int32(wp.rand_init(seed, draw.salt)), wp.int32(own))

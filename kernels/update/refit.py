@@ -12,6 +12,7 @@ import warp as wp
 
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import Meshes
 
@@ -44,59 +45,26 @@ class DeformingMeshes:
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
 
 
-@wp.func_native("warpcam::move_leaves(moving, meshes, points, index);")
-def _move_leaves(moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), index: wp.int32): ...
+MOVING = {"moving": DeformingMeshes, "meshes": Meshes}
+POINTS = MOVING | {"points": wp.array(dtype=wp.vec3)}
+NATIVE = native_module("accel/refit.h")
 
-
-@wp.func_native("warpcam::move_level(moving, meshes, begin, count, index);")
-def _move_level(moving: DeformingMeshes, meshes: Meshes, begin: wp.int32, count: wp.int32, index: wp.int32): ...
-
-
-@wp.func_native("warpcam::move_normals(moving, meshes, points, normals, index);")
-def _move_normals(
-    moving: DeformingMeshes,
-    meshes: Meshes,
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    index: wp.int32,
-): ...
-
-
-@wp.func_native("warpcam::finish_tree(moving, meshes, points, level, index);")
-def _finish_tree(
-    moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, index: wp.int32
-): ...
-
-
-NATIVE = {"grid_stride": False, "module_options": native_module("accel/refit.h")}
-
-
-@wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def move_leaves(moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), first: wp.int32):
-    _move_leaves(moving, meshes, points, first + wp.tid())
-
-
-@wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def move_level(moving: DeformingMeshes, meshes: Meshes, begin: wp.int32, count: wp.int32, first: wp.int32):
-    _move_level(moving, meshes, begin, count, first + wp.tid())
-
-
-@wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def finish_trees(
-    moving: DeformingMeshes, meshes: Meshes, points: wp.array(dtype=wp.vec3), level: wp.int32, first: wp.int32
-):
-    _finish_tree(moving, meshes, points, level, first + wp.tid())
-
-
-@wp.kernel(module="unique", enable_backward=False, **NATIVE)
-def move_normals(
-    moving: DeformingMeshes,
-    meshes: Meshes,
-    points: wp.array(dtype=wp.vec3),
-    normals: wp.array(dtype=wp.vec3),
-    first: wp.int32,
-):
-    _move_normals(moving, meshes, points, normals, first + wp.tid())
+move_leaves = make_kernel("move_leaves", "warpcam::move_leaves(moving, meshes, points, index);", POINTS, NATIVE)
+move_level = make_kernel(
+    "move_level",
+    "warpcam::move_level(moving, meshes, begin, count, index);",
+    MOVING | {"begin": wp.int32, "count": wp.int32},
+    NATIVE,
+)
+finish_trees = make_kernel(
+    "finish_trees", "warpcam::finish_tree(moving, meshes, points, level, index);", POINTS | {"level": wp.int32}, NATIVE
+)
+move_normals = make_kernel(
+    "move_normals",
+    "warpcam::move_normals(moving, meshes, points, normals, index);",
+    POINTS | {"normals": wp.array(dtype=wp.vec3)},
+    NATIVE,
+)
 
 
 def kernels_of(backs: bool) -> list[wp.Kernel]:

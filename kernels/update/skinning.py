@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
@@ -44,10 +45,7 @@ def pose_vertices(
     first: wp.int32,
 ):
     """(world, vertex) from where bodies are."""
-    index = first + wp.tid()
-    width = vertices.shape[1]
-    world = index // width
-    vertex = index - world * width
+    world, vertex = row_and_column(first + wp.tid(), vertices.shape[1])
     place = wp.vec3(0.0, 0.0, 0.0)
     for bond in range(bones.starts[vertex], bones.starts[vertex + 1]):
         body = bones.bodies[bond]
@@ -100,10 +98,7 @@ def offset_vertices(
     first: wp.int32,
 ):
     """A vertex for each index."""
-    index = first + wp.tid()
-    width = surface.starts.shape[0] - 1
-    world = index // width
-    vertex = index - world * width
+    world, vertex = row_and_column(first + wp.tid(), surface.starts.shape[0] - 1)
     sum = wp.vec3(0.0, 0.0, 0.0)
     for entry in range(surface.starts[vertex], surface.starts[vertex + 1]):
         sum += _normal(surface, vertices, world, surface.around[entry])
@@ -196,10 +191,7 @@ def attach_vertices(
 
     The second is the body then, -1 for the world, and the weights are the place in its frame [m].
     """
-    index = first + wp.tid()
-    width = vertices.shape[1]
-    mesh = index // width
-    vertex = index - mesh * width
+    mesh, vertex = row_and_column(first + wp.tid(), vertices.shape[1])
     bond = bonds[mesh, vertex]
     weight = weights[mesh, vertex]
     place = wp.vec3(weight[0], weight[1], weight[2])

@@ -101,7 +101,8 @@ def level(depth: np.ndarray, pinhole: bool) -> np.ndarray:
         return 1.0 / depth if pinhole else depth
 
 
-FAINT, FAINT_WITHIN, FAINT_SIDES, TURNED = 12, 24, 32, 2.0  # of native/antialiasing/edge_test.h
+# Of native/antialiasing/edge_test.h.
+COLOR_TOLERANCE, TOLERANCE_WITHIN, TOLERANCE_OF_SIDES, NORMAL_WEIGHT = 12, 24, 32, 2.0
 
 
 def edges_of(
@@ -131,7 +132,7 @@ def edges_of(
         for k, (right, down) in enumerate(SAMPLES[4]):
             y, x = np.clip((i + np.sign(down), j + np.sign(right)), 0, last).astype(int)
             differences = [np.abs(rgb[at].astype(int) - rgb[i, j]).max() for at in ((y, j), (i, x), (y, x))]
-            edges[i, j, k] &= max(differences) > (FAINT if beside_another else FAINT_WITHIN)
+            edges[i, j, k] &= max(differences) > (COLOR_TOLERANCE if beside_another else TOLERANCE_WITHIN)
             lies_in = [(y, x), (y, j) if abs(down) > abs(right) else (i, x)]
             if (
                 beside_another
@@ -139,11 +140,13 @@ def edges_of(
                 and sided[shape[i, j]]
                 and all(shape[at] == shape[i, j] for at in lies_in)
             ):
-                edges[i, j, k] |= any(np.abs(rgb[at].astype(int) - rgb[i, j]).max() > FAINT_SIDES for at in lies_in)
+                edges[i, j, k] |= any(
+                    np.abs(rgb[at].astype(int) - rgb[i, j]).max() > TOLERANCE_OF_SIDES for at in lies_in
+                )
     return edges
 
 
-STEEP = 8.0  # of native/antialiasing/edge_test.h
+DEPTH_WEIGHT = 8.0  # of native/antialiasing/edge_test.h
 
 
 def shown_pixel(
@@ -151,7 +154,7 @@ def shown_pixel(
     offset: tuple[float, float],
     hit: tuple[float, int, np.ndarray],
     plain: dict[str, np.ndarray],
-    turned: Callable[[int, np.ndarray, np.ndarray], float],
+    normal_cost: Callable[[int, np.ndarray, np.ndarray], float],
     sided: np.ndarray,
     width: float,
     pinhole: bool,
@@ -163,8 +166,8 @@ def shown_pixel(
         return (one[0] - at[0] - offset[1]) ** 2 + (one[1] - at[1] - offset[0]) ** 2
 
     def cost_of(one: tuple[int, int]) -> float:
-        apart = abs(depth[one] - hit[0]) / (STEEP * width * (hit[0] if pinhole else 1.0))
-        return aside(one) + apart + TURNED * turned(hit[1], plain["normals"][one], hit[2])
+        apart = abs(depth[one] - hit[0]) / (DEPTH_WEIGHT * width * (hit[0] if pinhole else 1.0))
+        return aside(one) + apart + NORMAL_WEIGHT * normal_cost(hit[1], plain["normals"][one], hit[2])
 
     around = itertools.product(*(range(max(c - 1, 0), min(c + 2, len(shape))) for c in at))
     alike = sorted((one for one in around if shape[one] == hit[1]), key=aside)
@@ -172,7 +175,9 @@ def shown_pixel(
         return alike[0] if alike else at
     chosen = None
     for one in alike:
-        if chosen is None or (np.abs(rgb[one] - rgb[chosen]).max() > FAINT and cost_of(one) < cost_of(chosen)):
+        if chosen is None or (
+            np.abs(rgb[one] - rgb[chosen]).max() > COLOR_TOLERANCE and cost_of(one) < cost_of(chosen)
+        ):
             chosen = one
     return chosen or at
 
@@ -228,7 +233,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     kinds = [mujoco.mjtGeom(kind) for kind in mjm.geom_type]
     axes = scenes.forward(mjm).geom_xmat.reshape(-1, 3, 3)[..., 2]
 
-    def turned(number: int, one: np.ndarray, other: np.ndarray) -> float:
+    def normal_cost(number: int, one: np.ndarray, other: np.ndarray) -> float:
         if kinds[number] == mujoco.mjtGeom.mjGEOM_MESH:
             return 1.0 - one @ other
         if kinds[number] == mujoco.mjtGeom.mjGEOM_CYLINDER:
@@ -245,7 +250,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
         # of what lies between the centres of all pixels around samples see what is behind
         hidden[at] = any(number not in around for _, number, _ in hits)
         chosen = [
-            shown_pixel(at, offset, hit, plain, turned, bent, width, pinhole) if needed else at
+            shown_pixel(at, offset, hit, plain, normal_cost, bent, width, pinhole) if needed else at
             for offset, hit, needed in zip(SAMPLES[4], hits, traced[at], strict=True)
         ]
         expected[at] = np.mean([plain["rgb"][one] for one in chosen], axis=0)
@@ -256,7 +261,7 @@ def test_every_pixel_is_as_by_brute_force(device: wp.Device, world: str, pinhole
     assert (off > 0).mean() < 0.004, f"{(off > 0).sum()} pixels of {tried} with edges differ"
 
 
-@pytest.mark.parametrize(("levels", "smoothed"), [(FAINT - 2, False), (FAINT + 3, True)])
+@pytest.mark.parametrize(("levels", "smoothed"), [(COLOR_TOLERANCE - 2, False), (COLOR_TOLERANCE + 3, True)])
 @pytest.mark.parametrize("output", ["rgb", "rgba", "hdr"])
 def test_faint_edges_are_left(device: wp.Device, levels: int, smoothed: bool, output: str) -> None:
     """Nothing is traced if colours differ by few levels: a mean is then off by no more than half of them."""

@@ -93,16 +93,16 @@ def test_worlds_have_tables_of_their_own(model: tuple[Any, Any], device: wp.Devi
         assert (together["distance"][0] != together["distance"][2]).any()
 
 
-@pytest.mark.parametrize("spread", [False, True], ids=["one place", "spread"])
+@pytest.mark.parametrize("offset", [False, True], ids=["one place", "offset"])
 def test_edges_are_smoothed_by_the_pixels_of_their_own_world(
-    model: tuple[Any, Any], spread: bool, device: wp.Device
+    model: tuple[Any, Any], offset: bool, device: wp.Device
 ) -> None:
     """The pixels of the first world are far narrower than those of the second."""
     mjm, mjd = model
     scene, alone = wc.from_mujoco(mjm, [mjd] * 2, device=device), wc.from_mujoco(mjm, mjd, device=device)
     x, y = np.meshgrid(np.linspace(-0.9, 0.9, WIDTH), np.linspace(0.7, -0.7, HEIGHT))
     rays = np.stack([np.stack((part * x, part * y, -np.ones_like(x)), axis=-1) for part in (0.05, 1.0)])
-    origins = 0.05 * rays * (1.0, 1.0, 0.0) if spread else None
+    origins = 0.05 * rays * (1.0, 1.0, 0.0) if offset else None
     settings = {"outputs": ("rgb",), "antialiasing": 4}
     together = wc.Renderer(scene, [camera(wc.Rays(rays, origins=origins), **settings)]).render()["own"]["rgb"]
     for world in range(2):
@@ -115,12 +115,12 @@ def test_a_table_is_written_again(model: tuple[Any, Any], device: wp.Device) -> 
     scene = wc.from_mujoco(*model, device=device)
     settings = {"outputs": ("distance", "segmentation")}
     fish, lens = wc.Fisheye(fovy=120.0), wc.Rays(curled_rays(), origins=swaying())
-    expected, plain = rendered(scene, camera(lens, "spread", **settings), camera(fish, "plain", **settings))
-    renderer = wc.Renderer(scene, [camera(parallel(), "spread", **settings), camera(fish, "plain", **settings)])
+    expected, plain = rendered(scene, camera(lens, "offset", **settings), camera(fish, "plain", **settings))
+    renderer = wc.Renderer(scene, [camera(parallel(), "offset", **settings), camera(fish, "plain", **settings)])
     renderer.render()
     for each, images in ((lens, expected), (fish, plain)):
-        renderer.set_lens("spread", each)
-        seen = renderer.render()["spread"]
+        renderer.set_lens("offset", each)
+        seen = renderer.render()["offset"]
         assert (seen["segmentation"][0].cpu().numpy() == images["segmentation"]).mean() > 0.998
         same = seen["segmentation"][0].cpu().numpy() == images["segmentation"]
         np.testing.assert_allclose(seen["distance"][0].cpu().numpy()[same], images["distance"][same], atol=1e-5)

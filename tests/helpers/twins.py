@@ -237,7 +237,7 @@ def tables() -> Tables:
     rows[:, :, 3] = marks.astype(np.int32).view(np.float32)
     meshes.faces = put(rows.reshape(-1, 4), wp.vec4)
     meshes.face_start, meshes.corner_start = put([0], wp.int32), put([0], wp.int32)
-    meshes.lower, meshes.upper = put([[-1.0, -1.0, -1.0]], wp.vec3), put([[1.0, 1.0, 1.0]], wp.vec3)
+    meshes.bounds_min, meshes.bounds_max = put([[-1.0, -1.0, -1.0]], wp.vec3), put([[1.0, 1.0, 1.0]], wp.vec3)
     normals = units(rng, (FACES, 3))
     normals[1] = 0.0
     meshes.normals = put(normals.reshape(-1, 3).astype(np.float32), wp.vec3)

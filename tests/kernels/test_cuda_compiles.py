@@ -115,7 +115,7 @@ def test_textures_that_lie_from_above(
     _render(scenes.compile_xml(FEW, assets=ASSETS), ("depth", "albedo"))
     assert _compile(card, tmp_path) >= 2
     code = " ".join(path.read_text() for path in tmp_path.glob("*visibility*/*.cu"))
-    types = re.findall(r"draw_painted<warpcam::SceneTypes<\d+, (\d+)>", code)
+    types = re.findall(r"draw_with_albedo<warpcam::SceneTypes<\d+, (\d+)>", code)
     assert types and all(int(each) & SceneFlag.TEXTURE_FROM_ABOVE for each in types)
 
 

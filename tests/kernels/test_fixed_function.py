@@ -79,16 +79,16 @@ def light_patch(shadows):
         for (int k = 0; k < 3; ++k)
             camera.rotation.at[k][k] = 1.0f;
         gather_lights<{flag}>(lights, camera, 0, 0, thread, list);
-        ResolvedMaterial finish {{ make_float3_int(as_vec3(color), -1), {{ emission, specular, exponent, 0 }} }};
-        GouraudTriangle facet {{}};
+        ResolvedMaterial material {{ make_float3_int(as_vec3(color), -1), {{ emission, specular, exponent, 0 }} }};
+        GouraudTriangle gouraud {{}};
         for (int k = 0; k < 3; ++k) {{
-            facet.place[k] = as_vec3(position) - as_vec3(eye);
-            facet.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
+            gouraud.place[k] = as_vec3(position) - as_vec3(eye);
+            gouraud.normal[k] = {{ 0.0f, 0.0f, 1.0f }};
         }}
-        const LitColor one = light_vertices<1, {flag}>(list, facet, finish, shadow);
-        facet.weight1 = 0.25f;
-        facet.weight2 = 0.5f;
-        const LitColor three = light_vertices<3, {flag}>(list, facet, finish, shadow);
+        const LitColor one = light_vertices<1, {flag}>(list, gouraud, material, shadow);
+        gouraud.weight1 = 0.25f;
+        gouraud.weight2 = 0.5f;
+        const LitColor three = light_vertices<3, {flag}>(list, gouraud, material, shadow);
         if (thread == 0) {{
             wp::index(lit, 0) = wp::vec3(one.linear.x, one.linear.y, one.linear.z);
             wp::index(lit, 1) = wp::vec3(one.display.x, one.display.y, one.display.z);

@@ -31,9 +31,15 @@ def members(flags: type[IntFlag], prefix: str = "") -> dict[str, int]:
     return {prefix + name: int(flag) for name, flag in flags.__members__.items()}
 
 
-@pytest.mark.parametrize(("flags", "name"), [(GeometryFlag, "ShapeType"), (SceneFlag, "SceneFeature")])
-def test_shape_types_and_features_are_bits(flags: type[IntFlag], name: str) -> None:
-    native = enum_of("camera/shape_record.h", name)
+@pytest.mark.parametrize(
+    ("flags", "header", "name"),
+    [
+        (GeometryFlag, "shapes/shape_types.h", "ShapeType"),
+        (SceneFlag, "camera/shape_record.h", "SceneFeature"),
+    ],
+)
+def test_shape_types_and_features_are_bits(flags: type[IntFlag], header: str, name: str) -> None:
+    native = enum_of(header, name)
     assert members(flags) == {name: 1 << bit for name, bit in native.items()}
 
 

@@ -20,14 +20,14 @@ DEVICES = [str(device) for device in wp.get_devices()]
     const float repeats[2] = { 0.0f, 0.0f };
     look.cells = plane_cells(look.pose, repeats, 0.0f);
     const SurfaceInteraction surface = surface_at<All>(look.pose, meshes, fields, face, as_vec3(local), as_vec3(ray));
-    GouraudTriangle facet;
-    facet_at<All>(look, meshes, surface, as_vec3(local) - from, facet);
+    GouraudTriangle gouraud;
+    gouraud_at<All>(look, meshes, surface, as_vec3(local) - from, gouraud);
     for (int k = 0; k < 3; ++k) {
-        const Vec3 corner = facet.place[k] + from;
+        const Vec3 corner = gouraud.place[k] + from;
         wp::index(corners, i, k) = wp::vec3(corner.x, corner.y, corner.z);
     }
-    wp::index(weights, i) = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
-    wp::index(three, i) = facet.three;
+    wp::index(weights, i) = wp::vec3(1.0f - gouraud.weight1 - gouraud.weight2, gouraud.weight1, gouraud.weight2);
+    wp::index(three, i) = gouraud.three;
 """)
 def find_facet(
     meshes: Meshes,

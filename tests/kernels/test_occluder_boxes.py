@@ -17,9 +17,9 @@ DEVICES = [str(device) for device in wp.get_devices()]
 @wp.func_native("""
     using namespace warpcam;
     float least = MISS;
-    for (int k = 0; k < SHUTTERS; ++k) {
-        const OccluderBox shutter = OccluderBox::load_from(meshes.occluder_boxes.data, mesh, k);
-        least = warpcam::min(least, shutter.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
+    for (int k = 0; k < MAX_OCCLUDER_BOXES; ++k) {
+        const OccluderBox box = OccluderBox::load_from(meshes.occluder_boxes.data, mesh, k);
+        least = warpcam::min(least, box.aside({ as_vec3(origin), as_vec3(direction) }, { 0.0f, 1.0f }));
     }
     wp::index(aside, i) = least;
 """)
@@ -48,7 +48,7 @@ def try_rays(
 ALL = SHAPES | CLOSED
 
 
-def with_shutters(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
+def with_occluder_boxes(points: np.ndarray, faces: np.ndarray, device: str) -> tuple[Meshes, np.ndarray]:
     """The mesh, and the corners of its faces (face, 3, 3)."""
     mesh = Mesh("shape", points, faces)
     meshes, _ = pack_meshes([mesh], wp.get_device(device))
@@ -84,7 +84,7 @@ def rays_at(corners: np.ndarray, count: int, seed: int) -> tuple[np.ndarray, np.
 def test_what_is_stopped_meets_a_face(name: str, device: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(occluder_boxes, "FEW_FACES", 1)
     monkeypatch.setattr(occluder_boxes, "LOOKED_AT", 128)
-    meshes, corners = with_shutters(*ALL[name](), device)
+    meshes, corners = with_occluder_boxes(*ALL[name](), device)
     origins, directions = rays_at(corners, 6000, 4)
     stopped = aside_of(meshes, origins, directions, device) < 1.0
     if name in CLOSED:
@@ -95,15 +95,15 @@ def test_what_is_stopped_meets_a_face(name: str, device: str, monkeypatch: pytes
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_a_mesh_with_a_hole_lets_light_through_it(device: str, monkeypatch: pytest.MonkeyPatch):
-    """A ball without one of its faces: no shutter reaches over where it was."""
+    """A ball without one of its faces: no box reaches over where it was."""
     monkeypatch.setattr(occluder_boxes, "FEW_FACES", 1)
     points, faces = CLOSED["ball"]()
     corners = points[faces].astype(np.float64)
     random = np.random.default_rng(1)
     gone = int(np.argmax(corners.mean(axis=1) @ (0.6, 0.0, 0.8)))
     through = random.dirichlet((1, 1, 1), 500) @ corners[gone]
-    whole = with_shutters(points, faces, device)[0]
-    holed = with_shutters(points, np.delete(faces, gone, axis=0), device)[0]
+    whole = with_occluder_boxes(points, faces, device)[0]
+    holed = with_occluder_boxes(points, np.delete(faces, gone, axis=0), device)[0]
     inside = np.zeros_like(through) + 0.01 * random.normal(size=through.shape)
     assert (aside_of(whole, inside, 1.5 * (through - inside), device) < 1.0).mean() > 0.5
     assert not (aside_of(holed, inside, 1.5 * (through - inside), device) < 1.0).any()

@@ -23,12 +23,14 @@ from warpcam.kernels.flags import (
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.plan import edges, frame, launches, shading, shadow, trace, words
 from warpcam.kernels.plan.passes import PASSES, pass_of, register
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
 CPU: Any = SimpleNamespace(is_cuda=False, is_cpu=True)
 CARD: Any = SimpleNamespace(is_cuda=True, is_cpu=False, sm_count=132)
 ALL = Group.of_all(8192)
+REQUEST = ImageRequest(64, 64, "pinhole", ("rgb",))
 
 
 def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
@@ -43,8 +45,8 @@ def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS
 
 
 def traced(tables: SceneTables, device: Any, *images: str, **other: Any) -> trace.TraceKey:
-    plan = trace.plan_trace(tables, "pinhole", 64, 64, images or ("depth", "shape"), NO_FACTS, device, ALL, **other)
-    return plan.key
+    images = images or ("depth", "shape")
+    return trace.plan_trace(tables, REQUEST, device, ALL, images=images, facts=NO_FACTS, **other).key
 
 
 def test_keys_are_frozen_and_equal_by_value() -> None:
@@ -70,7 +72,7 @@ def test_lists_of_a_cpu_have_few_sizes(fewer: int, more: int, shared: bool) -> N
 @pytest.mark.parametrize(("fewer", "more", "shared"), [(1, 64, True), (65, 384, True), (64, 65, False)])
 def test_shadow_lists_of_a_cpu_have_few_sizes(fewer: int, more: int, shared: bool) -> None:
     def key(shapes: int) -> shadow.ShadowKey:
-        return shadow.plan_shadow(scene(shapes=shapes), "pinhole", 64, 64, CPU, ALL).key
+        return shadow.plan_shadow(scene(shapes=shapes), REQUEST, CPU, ALL).key
 
     assert (key(fewer) == key(more)) == shared
 
@@ -80,7 +82,7 @@ def test_a_trace_knows_nothing_of_appearance_unless_it_writes_albedo() -> None:
     assert traced(tables, CARD).types.scene == SceneFlag.TWO_SIDED
     assert SceneFlag.TEXTURE_FROM_ABOVE in traced(tables, CARD, "depth", "albedo").types.scene
     facts = ShadingFlag.HAS_MATERIALS
-    plain = trace.plan_trace(tables, "pinhole", 64, 64, ("depth",), facts, CARD, ALL).key
+    plain = trace.plan_trace(tables, REQUEST, CARD, ALL, images=("depth",), facts=facts).key
     assert plain.facts == NO_FACTS
 
 
@@ -135,33 +137,34 @@ def test_registers_are_bounded_by_what_a_scene_has() -> None:
 
 @pytest.mark.parametrize(("shapes", "many"), [(384, False), (385, True), (2**20 + 1, False)])
 def test_many_casters_have_a_kernel_of_their_own(shapes: int, many: bool) -> None:
-    key = shadow.plan_shadow(scene(shapes=shapes), "pinhole", 64, 64, CARD, ALL).key
+    key = shadow.plan_shadow(scene(shapes=shapes), REQUEST, CARD, ALL).key
     assert key.many_casters == many
-    assert not shadow.plan_shadow(scene(types.MESH, shapes=shapes), "pinhole", 64, 64, CARD, ALL).key.many_casters
+    assert not shadow.plan_shadow(scene(types.MESH, shapes=shapes), REQUEST, CARD, ALL).key.many_casters
 
 
 def test_backs_of_meshes_shade() -> None:
-    key = shadow.plan_shadow(scene(types.MESH), "pinhole", 64, 64, CARD, ALL).key
+    key = shadow.plan_shadow(scene(types.MESH), REQUEST, CARD, ALL).key
     assert SceneFlag.SHADING_BACKS in key.types.scene
-    key = shadow.plan_shadow(scene(types.MESH, physical=object()), "pinhole", 64, 64, CARD, ALL).key
+    key = shadow.plan_shadow(scene(types.MESH, physical=object()), REQUEST, CARD, ALL).key
     assert SceneFlag.SHADING_BACKS not in key.types.scene
 
 
 @pytest.mark.parametrize(("width", "strips"), [(64, True), (60, False)])
 def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) -> None:
     tables = scene(types.PLANE, types.BOX)
-    plan = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, CARD, ALL)
+    request = ImageRequest(width, 64, "pinhole", ("rgb",))
+    plan = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=False)
     assert (ShadingFlag.PLANE_STRIPS in plan.key.facts) == strips
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)
-    on_cpu = shading.plan_shading(tables, "pinhole", width, 64, ("rgb",), False, CPU, ALL)
+    on_cpu = shading.plan_shading(tables, request, CPU, ALL, outputs=("rgb",), shadows=False)
     assert not on_cpu.key.facts & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
 
 
 def test_colours_of_few_shapes_share_a_kernel_of_a_cpu() -> None:
     def key(device: Any, *outputs: str, shapes: int = 20, **other: Any) -> shading.ShadingKey:
         tables = scene(shapes=shapes, **other)
-        return shading.plan_shading(tables, "pinhole", 64, 64, outputs, False, device, ALL).key
+        return shading.plan_shading(tables, REQUEST, device, ALL, outputs=outputs, shadows=False).key
 
     looks = [
         {"has_materials": materials, "has_textures": textures, "has_skybox": skybox}
@@ -176,7 +179,8 @@ def test_colours_of_few_shapes_share_a_kernel_of_a_cpu() -> None:
 
 def test_edges_are_smoothed_in_place_where_worlds_fill_the_device() -> None:
     def key(tables: SceneTables) -> edges.EdgeKey:
-        return edges.plan_edges(tables, "pinhole", 64, 64, ("rgb",), True, CARD, ALL).key
+        request = replace(REQUEST, antialiasing=4)
+        return edges.plan_edges(tables, request, CARD, ALL, byte_ids=True).key
 
     assert key(scene(types.MESH)).in_place
     assert key(scene(types.MESH)).threads == edges.THREADS_IN_PLACE
@@ -195,7 +199,7 @@ def test_a_key_in_words_names_flags() -> None:
 
 def planned(*outputs: str, device: Any = CARD, of: SceneTables | None = None, **request: Any) -> frame.FramePlan:
     tables = scene(types.MESH) if of is None else of
-    return frame.plan_frame(tables, frame.ImageRequest(64, 64, "pinhole", outputs, **request), device)
+    return frame.plan_frame(tables, ImageRequest(64, 64, "pinhole", outputs, **request), device)
 
 
 def test_a_plan_is_frozen_and_equal_by_value() -> None:
@@ -236,7 +240,7 @@ def test_smooth_edges_have_a_pass_and_a_buffer_unless_in_place() -> None:
 
 
 def test_buffers_of_a_plan_do_not_depend_on_the_group() -> None:
-    tables, request = scene(types.MESH), frame.ImageRequest(64, 64, "pinhole", ("rgb",), shadows=True)
+    tables, request = scene(types.MESH), ImageRequest(64, 64, "pinhole", ("rgb",), shadows=True)
     large, small = (frame.plan_frame(tables, request, CARD, Group.of_all(count)) for count in (8192, 8))
     assert large.buffers == small.buffers
     assert large.keys != small.keys

@@ -64,8 +64,8 @@ def test_boxes_hold_their_faces_tightly(device: wp.Device, monkeypatch: Any, two
 
         everything = corners(0)
         assert seen == set(range(len(faces)))
-        assert (meshes.lower.numpy()[instance] == everything.min(axis=0)).all()
-        assert (meshes.upper.numpy()[instance] == everything.max(axis=0)).all()
+        assert (meshes.bounds_min.numpy()[instance] == everything.min(axis=0)).all()
+        assert (meshes.bounds_max.numpy()[instance] == everything.max(axis=0)).all()
         a, b, c = own[faces].transpose(1, 0, 2)
         normal = np.cross(b - a, c - a)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

@@ -16,7 +16,7 @@ class Found:
     """Examination of one hit."""
 
     normal: wp.vec3
-    weights: wp.vec3  # of the corners of its facet
+    weights: wp.vec3  # of the corners of its Gouraud triangle
     shading: wp.mat33  # rows: the normals there
     uv: wp.vec2
     along: wp.vec2  # change of uv over a step
@@ -33,18 +33,18 @@ class Found:
         shapes, materials, None {}, textures, meshes, fields, camera, 0.0f, 0, shape);
     const Vec3 sight = as_vec3(ray);
     const SurfaceInteraction surface = surface_at<All>(look.pose, meshes, fields, face, as_vec3(local), sight);
-    GouraudTriangle facet;
-    facet_at<All>(look, meshes, surface, as_vec3(local), facet);
+    GouraudTriangle gouraud;
+    gouraud_at<All>(look, meshes, surface, as_vec3(local), gouraud);
     const Vec3 to_next = as_vec3(step);
     const Footprint at = footprint_2d<All>(look.pose, look.layout, meshes, surface, sight, to_next, to_next);
     const Vec3 direction = map_cube<All>(look.pose, look.layout, surface).direction;
     auto& one = wp::index(found, i);
     one.normal = wp::vec3(surface.normal.x, surface.normal.y, surface.normal.z);
-    one.weights = wp::vec3(1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2);
+    one.weights = wp::vec3(1.0f - gouraud.weight1 - gouraud.weight2, gouraud.weight1, gouraud.weight2);
     for (int k = 0; k < 3; ++k) {
-        one.shading.data[k][0] = facet.normal[k].x;
-        one.shading.data[k][1] = facet.normal[k].y;
-        one.shading.data[k][2] = facet.normal[k].z;
+        one.shading.data[k][0] = gouraud.normal[k].x;
+        one.shading.data[k][1] = gouraud.normal[k].y;
+        one.shading.data[k][2] = gouraud.normal[k].z;
     }
     one.uv = wp::vec2(at.u, at.v);
     one.along = wp::vec2(at.right.x, at.right.y);
@@ -96,13 +96,13 @@ class Finish:
 
 
 @wp.func_native("""
-    const auto finish = warpcam::load_material<true>(shapes, materials, world, shape);
+    const auto material = warpcam::load_material<true>(shapes, materials, world, shape);
     auto& one = wp::index(finishes, world, shape);
-    one.color = wp::vec3(finish.color.x, finish.color.y, finish.color.z);
-    one.texture = finish.color.w;
-    one.emission = finish.gloss.x;
-    one.specular = finish.gloss.y;
-    one.exponent = finish.gloss.z;
+    one.color = wp::vec3(material.color.x, material.color.y, material.color.z);
+    one.texture = material.color.w;
+    one.emission = material.gloss.x;
+    one.specular = material.gloss.y;
+    one.exponent = material.gloss.z;
 """)
 def find_finish(
     shapes: types.Shapes,
@@ -166,8 +166,8 @@ class Examined:
         rows[:, :3] = np.concatenate([CORNERS[3:], CORNERS[:3]])
         rows[[0, 3], 3] = np.array([1, 0], np.int32).view(np.float32)
         meshes.faces = put(rows, wp.vec4)
-        meshes.lower = put([[0.0, 0.0, 0.0]], wp.vec3)
-        meshes.upper = put([[2.0, 1.0, 1.0]], wp.vec3)
+        meshes.bounds_min = put([[0.0, 0.0, 0.0]], wp.vec3)
+        meshes.bounds_max = put([[2.0, 1.0, 1.0]], wp.vec3)
         meshes.face_start = put([0], wp.int32)
         meshes.corner_start = put([0], wp.int32)
         normals = np.array([[0, 0, 1]] * 3 + [[1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)

@@ -36,9 +36,9 @@ def rays(rng):
 def entry(kind):
     return Twin(
         rays,
-        setup="ShapeRecord record {}; record.size = { same(6), same(7), 0.0f, 0 };",
-        one=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
-        eight=f"exact(enter<{kind}>(record, vec(0), vec(3)));",
+        setup="const Float3Int size { same(6), same(7), 0.0f, 0 };",
+        one=f"exact({kind.title()}Traits::intersect(size, vec(0), vec(3)));",
+        eight=f"exact({kind.title()}Traits::intersect(size, vec(0), vec(3)));",
     )
 
 
@@ -65,7 +65,7 @@ def map_place(distant):
     )
 
 
-RAYS = Family("geometry/intersect.h", {f"enter {kind}": entry(kind) for kind in TYPES})
+RAYS = Family("geometry/intersect.h", {f"intersect {kind}": entry(kind) for kind in TYPES})
 MAPS = Family("lights/shadow_extent.h", {"of a spot": map_place("false"), "of a distant light": map_place("true")})
 
 # Hits: place in the shape's frame 0, ray 3, face 6; of a pose rotation 9, centre of projection 18, size 21.
@@ -131,26 +131,26 @@ SMOOTH = """
     struct { ShapeFromCamera pose; PlaneGrid cells; } look { pose, plane_cells(pose, repeat, 3.0f) };
 """
 FACET_ONE = """
-    GouraudTriangle facet;
-    facet_at<KINDS>(look, meshes, surface, vec(24), facet);
+    GouraudTriangle gouraud;
+    gouraud_at<KINDS>(look, meshes, surface, vec(24), gouraud);
     close(smooth_normal<KINDS>(pose, meshes, surface));
 """
 FACET_EIGHT = """
-    Facets facet;
-    facet_at<KINDS>(look, meshes, surface, vec(24), facet);
+    GouraudTriangle8 gouraud;
+    gouraud_at<KINDS>(look, meshes, surface, vec(24), gouraud);
     close(smooth_normal<KINDS>(pose, meshes, surface));
 """
 FACET = """
-    exact(facet.weight1);
-    exact(facet.weight2);
+    exact(gouraud.weight1);
+    exact(gouraud.weight2);
     for (int n = 0; n < 3; ++n) {
-        exact(facet.place[n]);
-        close(facet.normal[n]);
+        exact(gouraud.place[n]);
+        close(gouraud.normal[n]);
     }
 """
 
 
-def facet(shape, *kinds, inputs=hits):
+def gouraud(shape, *kinds, inputs=hits):
     mesh = shape == "MESH" and "PER_SHAPE_SCALE" not in kinds
     setup = (POSE.splitlines()[1] + MESH_POSE if mesh else POSE) + SMOOTH
     return Twin(
@@ -179,10 +179,10 @@ SURFACES = Family(
         "surface of height field": surface("HEIGHT_FIELD", results=NORMAL + ON_TOP, inputs=ground),
         "surface of scaled height field": surface("HEIGHT_FIELD", "PER_SHAPE_SCALE", inputs=ground),
     }
-    | {f"facet of {kind}": facet(kind) for kind in ("SPHERE", "BOX", "PLANE")}
-    | {f"facet of {name}": facet(*kinds) for name, kinds in MESHES.items()}
+    | {f"Gouraud triangle of {kind}": gouraud(kind) for kind in ("SPHERE", "BOX", "PLANE")}
+    | {f"Gouraud triangle of {name}": gouraud(*kinds) for name, kinds in MESHES.items()}
     | {
-        "facet of height field": facet("HEIGHT_FIELD", inputs=ground),
+        "Gouraud triangle of height field": gouraud("HEIGHT_FIELD", inputs=ground),
         "directions": Twin(
             hits,
             setup=POSE.replace("TYPE", "BOX"),

@@ -7,11 +7,11 @@ from twins import PACKET, POSE, ROWS, Family, Twin, both, columns, rotations, sc
 SERIES = {"rtol": 5e-5, "atol": 5e-5}  # powers by series
 HIGHLIGHT = {"rtol": 2e-4, "atol": 1e-4}  # the 128th power of what an inverse root has told, too
 
-# A facet: places 0, 3, 6; normals 9, 12, 15; weights 18; mask of shadows 20. Four lights,
+# A Gouraud triangle: places 0, 3, 6; normals 9, 12, 15; weights 18; mask of shadows 20. Four lights,
 # of 25 numbers each, from 24 on.
 
 LIGHTS = """
-    const int natures[] = { AMBIENT, SPOT | FADES | AMBIENT, CASTS | AMBIENT, SPOT | CASTS };
+    const int flags[] = { AMBIENT, SPOT | FADES | AMBIENT, CASTS | AMBIENT, SPOT | CASTS };
     LightList list {};
     list.count = 4;
     list.dims = 1;
@@ -20,14 +20,14 @@ LIGHTS = """
     list.ambient = { 0.25f, 0.25f, 0.25f };
     for (int n = 0; n < list.count; ++n) {
         const int c = 24 + 25 * n;
-        const bool spot = natures[n] & SPOT;
+        const bool spot = flags[n] & SPOT;
         const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
         const Vec3 place = spot ? same_vec(c) : normalized(same_vec(c));
         list.lights[n] = { make_float3_int(place, 1 << n), row(c + 3, same(c + 6)),
-                           row(c + 7, same(c + 10)), make_float3_int(same_vec(c + 11), natures[n]), row(c + 14, 2.0f),
+                           row(c + 7, same(c + 10)), make_float3_int(same_vec(c + 11), flags[n]), row(c + 14, 2.0f),
                            row(c + 17, same(c + 20)) };
     }
-    const ResolvedMaterial finish { { 0.75f, 0.5f, 0.25f, -1 }, { 0.125f, same(22), same(23), 0 } };
+    const ResolvedMaterial material { { 0.75f, 0.5f, 0.25f, -1 }, { 0.125f, same(22), same(23), 0 } };
     Camera camera {};
     for (int k = 0; k < 3; ++k)
         camera.rotation.at[k][k] = 1.0f;
@@ -51,19 +51,19 @@ def lit(rng):
     return columns(*parts)
 
 
-FACET = "facet; for (int n = 0; n < 3; ++n) { facet.place[n] = vec(3 * n); facet.normal[n] = vec(9 + 3 * n); }"
-WEIGHTS = "facet.weight1 = in(18); facet.weight2 = in(19);"
+GOURAUD = "gouraud; for (int n = 0; n < 3; ++n) { gouraud.place[n] = vec(3 * n); gouraud.normal[n] = vec(9 + 3 * n); }"
+WEIGHTS = "gouraud.weight1 = in(18); gouraud.weight2 = in(19);"
 
 
 def lighting(corners, shadows):
-    weights = WEIGHTS if corners == 3 else "facet.weight1 = facet.weight2 = {};"
+    weights = WEIGHTS if corners == 3 else "gouraud.weight1 = gouraud.weight2 = {};"
     return Twin(
         lit,
         setup=LIGHTS,
-        one=f"GouraudTriangle {FACET} {weights} "
-        f"const LitColor lit = light_vertices<{corners}, {shadows}>(list, facet, finish, (int)in(20)); close(lit);",
-        eight=f"Facets {FACET} {weights} Lits lit;"
-        f"illuminate_eight<{shadows}, true>(list, facet, {corners}, finish, to_int(in(20)), lit); close(lit);",
+        one=f"GouraudTriangle {GOURAUD} {weights} "
+        f"const LitColor lit = light_vertices<{corners}, {shadows}>(list, gouraud, material, (int)in(20)); close(lit);",
+        eight=f"GouraudTriangle8 {GOURAUD} {weights} Lits lit;"
+        f"illuminate_eight<{shadows}, true>(list, gouraud, {corners}, material, to_int(in(20)), lit); close(lit);",
         **HIGHLIGHT,
     )
 
@@ -81,9 +81,9 @@ def corner(grey):
     return Twin(
         lit,
         setup=LIGHTS + "constexpr int STRIDE = 9; float values[SIMD_WIDTH * STRIDE] {};",
-        one=f"light_corner<{total}, true, true>(list, vec(0), vec(9), finish, values);"
+        one=f"light_corner<{total}, true, true>(list, vec(0), vec(9), material, values);"
         "for (int n = 0; n < STRIDE; ++n) close(values[n]);",
-        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), finish, STRIDE, SIMD_WIDTH, values);"
+        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), material, STRIDE, SIMD_WIDTH, values);"
         "for (int n = 0; n < STRIDE; ++n) {"
         "Float8 all; for (int k = 0; k < SIMD_WIDTH; ++k) all[k] = values[k * STRIDE + n]; close(all); }",
         **HIGHLIGHT,
@@ -146,8 +146,8 @@ LIGHT = Family(
 )
 
 
-# Surfaces under lamps: place 0; normal 3; direction to the eye 6; of a pose rotation 9, centre of projection 18, size
-# 21; ray 24; color 27; mask of shadows 30; of a coat 31; of three lamps, 23 numbers each, from 40 on.
+# Surfaces under area lights: place 0; normal 3; direction to the eye 6; of a pose rotation 9, centre of projection 18,
+# size 21; ray 24; color 27; mask of shadows 30; of a material 31; of three area lights, 23 numbers each, from 40 on.
 
 LAMPS = """
     AreaLights list {};
@@ -159,15 +159,15 @@ LAMPS = """
     for (int n = 0; n < list.count; ++n) {
         const int c = 40 + 23 * n;
         const auto row = [&](int c, float w) { return make_float3_int(same_vec(c), as_int(w)); };
-        AreaLight& lamp = list.lamps[n];
-        lamp.place = make_float3_int(n == 2 ? normalized(same_vec(c)) : same_vec(c), 1 << n);
-        lamp.axis = row(c + 3, same(c + 6));
-        lamp.across = make_float3_int(normalized(cross(same_vec(c + 3), { 0.3f, 0.5f, 0.7f })), FORM);
-        lamp.size = make_float3_int(same_vec(c + 7), 0);
-        lamp.falloff = row(c + 10, same(c + 13));
-        lamp.diffuse = make_float3_int(same_vec(c + 14), n == 2 ? AMBIENT : SPOT);
-        lamp.specular = make_float3_int(same_vec(c + 17), 0);
-        lamp.ambient = make_float3_int(same_vec(c + 20), 0);
+        AreaLight& area_light = list.area_lights[n];
+        area_light.place = make_float3_int(n == 2 ? normalized(same_vec(c)) : same_vec(c), 1 << n);
+        area_light.axis = row(c + 3, same(c + 6));
+        area_light.across = make_float3_int(normalized(cross(same_vec(c + 3), { 0.3f, 0.5f, 0.7f })), FORM);
+        area_light.size = make_float3_int(same_vec(c + 7), 0);
+        area_light.falloff = row(c + 10, same(c + 13));
+        area_light.diffuse = make_float3_int(same_vec(c + 14), n == 2 ? AMBIENT : SPOT);
+        area_light.specular = make_float3_int(same_vec(c + 17), 0);
+        area_light.ambient = make_float3_int(same_vec(c + 20), 0);
     }
     Camera camera {};
     for (int k = 0; k < 3; ++k)
@@ -180,7 +180,7 @@ LAMPS = """
 MATERIAL = """
     ShapeAppearance<KINDS, ShadingNeeds<RGB, HAS_MATERIALS | HAS_TEXTURES | HAS_MAPS | PHYSICAL>> look {};
     look.pose = pose;
-    look.finish = { make_float3_int(same_vec(31), -1), { same(34), same(35), 0.04f, 0 },
+    look.material = { make_float3_int(same_vec(31), -1), { same(34), same(35), 0.04f, 0 },
                     make_float3_int(same_vec(36), 0), 0 };
     look.layout.extent = pose.size;
     look.layout.repeat[0] = 2.0f;
@@ -211,16 +211,16 @@ def lamplit(rng):
     return columns(*parts)
 
 
-def shine(form):
+def sample_of(form):
     return Twin(
         lamplit,
         setup=LAMPS.replace("FORM", form),
-        one="const auto shine = sample_light(list.lamps[0], vec(0)); const bool some = shine.share > 1.0e-2f;"
-        "close(shine.share); close(some ? shine.spread : 0.0f);"
-        "close(some ? shine.to_light : Vec3 { 0.0f, 0.0f, 0.0f });",
-        eight="const auto shine = sample_light(list.lamps[0], vec(0)); const Int8 some = shine.share > 1.0e-2f;"
-        "close(shine.share); close(some ? shine.spread : (Float8)0.0f);"
-        "close(select(some, shine.to_light, broadcast({ 0.0f, 0.0f, 0.0f })));",
+        one="const auto sample = sample_light(list.area_lights[0], vec(0)); const bool some = sample.share > 1.0e-2f;"
+        "close(sample.share); close(some ? sample.sine_squared : 0.0f);"
+        "close(some ? sample.to_light : Vec3 { 0.0f, 0.0f, 0.0f });",
+        eight="const auto sample = sample_light(list.area_lights[0], vec(0)); const Int8 some = sample.share > 1.0e-2f;"
+        "close(sample.share); close(some ? sample.sine_squared : (Float8)0.0f);"
+        "close(select(some, sample.to_light, broadcast({ 0.0f, 0.0f, 0.0f })));",
         **SERIES,
     )
 
@@ -250,20 +250,20 @@ def whole(form, facts, tolerance=5e-4):
 
 
 FORMS = ("POINT", "SPHERE", "DISK", "RECTANGLE", "CYLINDER")
-SKIN = "const auto skin = make_bsdf(vec(27), in(34), in(35), same(36));"
+BSDF = "const auto bsdf = make_bsdf(vec(27), in(34), in(35), same(36));"
 PHYSICAL = Family(
     "shading_pass/shading_pass.h",
-    {f"light of a {form.lower()}": shine(f"FORM_{form}") for form in FORMS}
+    {f"light of a {form.lower()}": sample_of(f"FORM_{form}") for form in FORMS}
     | {f"{form.lower()}s on a box": whole(f"FORM_{form}", "0") for form in FORMS}
     | {
         "with shadows": whole("FORM_SPHERE", "HAS_SHADOWS"),
         "with maps": whole("FORM_SPHERE", "HAS_MAPS", 1e-2),  # small highlights, by normals from an image
         "with a sky": whole("FORM_SPHERE", "HAS_SKYBOX | HAS_SHADOWS"),
         "display colors": both(lamplit, "close(srgb_to_linear(vec(27))); close(linear_to_srgb(vec(36)));", **SERIES),
-        "skin": both(
+        "bsdf": both(
             lamplit,
-            SKIN
-            + "exact(skin.matt); exact(skin.straight); exact(skin.grazing); exact(skin.roughness); close(skin.square);",
+            BSDF
+            + "exact(bsdf.matt); exact(bsdf.straight); exact(bsdf.grazing); exact(bsdf.roughness); close(bsdf.square);",
             rtol=1e-6,
         ),
         "microfacets": both(
@@ -272,12 +272,12 @@ PHYSICAL = Family(
         ),
         "reflection of a light": both(
             lamplit,
-            SKIN + "close(reflection_of(skin, vec(3), vec(9), vec(6), in(37), in(38)));",
+            BSDF + "close(reflection_of(bsdf, vec(3), vec(9), vec(6), in(37), in(38)));",
             rtol=1e-4,
             atol=1e-5,
         ),
         "reflection of all around": both(
-            lamplit, SKIN + "close(environment_brdf(skin, in(37), vec(27), vec(31)));", **SERIES
+            lamplit, BSDF + "close(environment_brdf(bsdf, in(37), vec(27), vec(31)));", **SERIES
         ),
         "cosine over a light": both(lamplit, "close(clipped_cosine(in(3), in(34) * in(34)));", **SERIES),
         "sky": both(

@@ -10,6 +10,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.kernels.plan import trace
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.scene_tables import SceneTables
 
 SHAPES = """
@@ -156,7 +157,7 @@ def test_which_images_are_listed_ahead() -> None:
     many = replace(tables, num_worlds=500)
 
     def listed(width: int, height: int, *outputs: str, of: SceneTables = many) -> int:
-        return trace.capacity_of(of, "pinhole", width, height, ("depth", *outputs), device)
+        return trace.capacity_of(of, ImageRequest(width, height, "pinhole", ("depth", *outputs)), device)
 
     assert [listed(64, 64), listed(128, 72), listed(640, 480, "flow", "normals"), listed(1008, 504)] == [16] * 4
     assert not any(
@@ -192,16 +193,16 @@ def test_blocks_that_share_an_image(outputs: tuple[str, ...], parts: tuple[int, 
 
 def test_what_is_listed_ahead(device: wp.Device) -> None:
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
-    listed = trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "flow"), device)
+    listed = trace.capacity_of(tables, ImageRequest(16, 8, "pinhole", ("depth", "flow")), device)
     assert listed == (16 if device.is_cuda else 0)
-    assert trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "normals"), device) == listed
-    assert trace.capacity_of(tables, "pinhole", 16, 8, ("depth", "albedo"), device) == 0
-    assert trace.capacity_of(tables, "rays", 16, 8, ("depth",), device) == 0
-    assert trace.capacity_of(tables, "pinhole", 640, 480, ("depth",), device) == 0
+    assert trace.capacity_of(tables, ImageRequest(16, 8, "pinhole", ("depth", "normals")), device) == listed
+    assert trace.capacity_of(tables, ImageRequest(16, 8, "pinhole", ("depth", "albedo")), device) == 0
+    assert trace.capacity_of(tables, ImageRequest(16, 8, "rays", ("depth",)), device) == 0
+    assert trace.capacity_of(tables, ImageRequest(640, 480, "pinhole", ("depth",)), device) == 0
     for count, most in ((20, 32), (30, 0)):
         more = "".join(f'<geom size=".1" pos="{i} 0 0"/>' for i in range(count))
         tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1") + more))).tables()
-        found = trace.capacity_of(tables, "pinhole", 16, 8, ("rgb", "flow"), device)
+        found = trace.capacity_of(tables, ImageRequest(16, 8, "pinhole", ("rgb", "flow")), device)
         assert found == (most if device.is_cuda else 0)
 
 
@@ -209,8 +210,8 @@ def test_nothing_is_listed_ahead_where_a_hidden_mesh_moves() -> None:
     device = SimpleNamespace(is_cuda=True, sm_count=132)
     tables = wc.from_mujoco_warp(*_put(scenes.compile_xml(SHAPES.format(floor="0 0 1")))).tables()
     for outputs in (("depth",), ("flow", "flow_valid")):
-        assert trace.capacity_of(tables, "pinhole", 16, 8, outputs, device) == 16
-        assert trace.capacity_of(replace(tables, moving=(0,)), "pinhole", 16, 8, outputs, device) == 0
+        assert trace.capacity_of(tables, ImageRequest(16, 8, "pinhole", outputs), device) == 16
+        assert trace.capacity_of(replace(tables, moving=(0,)), ImageRequest(16, 8, "pinhole", outputs), device) == 0
 
 
 def _put(mjm: object) -> tuple[object, object, object]:

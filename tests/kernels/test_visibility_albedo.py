@@ -12,6 +12,8 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.kernels.plan import launches, trace
+from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.types import HEIGHT_FIELD, MESH, SPHERE
 from warpcam.sources.mujoco import model as mujoco_model
 
@@ -63,7 +65,7 @@ def test_albedo_is_as_a_second_pass_makes_it(
 ) -> None:
     monkeypatch.setattr(trace, "region_size", lambda *_, **__: region)
     found = images(floor, material, size, 3, ("depth", "segmentation", "albedo"))
-    monkeypatch.setattr(trace, "traces_albedo", lambda *_: False)
+    monkeypatch.setattr(trace, "traces_albedo", lambda *_, **__: False)
     expected = images(floor, material, size, 3, ("depth", "segmentation", "albedo"))
     assert len(np.unique(expected["segmentation"])) >= 6
     assert len(np.unique(expected["albedo"])) > 50
@@ -80,7 +82,7 @@ def test_albedo_of_textures_that_lie_from_above(device: wp.Device, monkeypatch: 
     usual = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
     monkeypatch.setattr(mujoco_model, "VERSION", (3, 11))
     found = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
-    monkeypatch.setattr(trace, "traces_albedo", lambda *_: False)
+    monkeypatch.setattr(trace, "traces_albedo", lambda *_, **__: False)
     expected = images("1.2 1.5 1", "floor", (64, 64), 3, outputs)["albedo"]
     apart = np.abs(found.astype(int) - expected)
     assert apart.max() <= 3 and (apart > 0).mean() < 0.05
@@ -131,5 +133,6 @@ def tables(*types: int, **other: Any) -> Any:
 def test_the_trace_writes_albedo_where_it_can(
     scene: Any, lens: str, size: tuple[int, int], others: tuple[str, ...], expected: bool
 ) -> None:
-    assert trace.traces_albedo(scene, lens, *size, 8192, dict.fromkeys(others), CARD) == expected
-    assert not trace.traces_albedo(scene, lens, *size, 8192, dict.fromkeys(others), wp.get_device("cpu"))
+    request, group = ImageRequest(*size, lens, others), Group.of_all(8192)
+    assert trace.traces_albedo(scene, request, CARD, group, images=others) == expected
+    assert not trace.traces_albedo(scene, request, wp.get_device("cpu"), group, images=others)

@@ -12,6 +12,7 @@ NATIVE = ROOT / "kernels" / "native"
 # Rooms by floor, the lowest first: each may use itself and lower floors, and rooms of one floor do not use each other.
 HEADER_FLOORS = (
     ("core",),
+    ("shapes",),
     ("camera", "texture", "lights"),
     ("geometry",),
     ("accel",),

@@ -11,7 +11,7 @@ import warpcam as wc
 
 XML = """<mujoco><worldbody><geom type="plane" size="2 2 .1"/><camera name="c" pos="0 -3 1" xyaxes="1 0 0 0 .3 1"/>
 <body pos="0 0 .5"><freejoint/><geom type="box" size=".2 .2 .2"/></body></worldbody></mujoco>"""
-TOLD = "worlds made no image, see Renderer.faulty"
+TOLD = "worlds made no image or miss a shape, see Renderer.faulty"
 
 
 def renderer_of(scene: wc.Scene) -> wc.Renderer:

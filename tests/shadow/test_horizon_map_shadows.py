@@ -69,7 +69,7 @@ def test_horizons_change_no_image(device: wp.Device, turned: str, monkeypatch: p
 @pytest.mark.parametrize("light", ["spot", "directional"])
 @pytest.mark.parametrize("names", [("cup",), ("torus", "ball")])
 @pytest.mark.parametrize("turned", ["as it is", "turned"])
-def test_shutters_change_no_image(
+def test_occluder_boxes_change_no_image(
     device: wp.Device, light: str, names: tuple[str, ...], turned: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """MuJoCo's: only there any face stops light, from whichever side."""

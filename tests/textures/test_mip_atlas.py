@@ -1,4 +1,4 @@
-"""Sheets, which the GPU's hardware filters, against the texels that they are made of."""
+"""Mip atlases, which the GPU's hardware filters, against the texels that they are made of."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ SIZES = [(1, 1), (64, 32), (7, 5), (1, 9), (300, 20)]
 
 @wp.func_native("""
     using namespace warpcam;
-    const Float3Int row = cube ? level_of_cube_on_sheet(width, level) : level_on_sheet({ 0, width, height, 0 }, level);
+    const Float3Int row = cube ? cube_level_in_atlas(width, level) : level_in_atlas({ 0, width, height, 0 }, level);
     wp::index(rows, level) = wp::vec4(row.x, row.y, row.z, as_float(row.w));
 """)
 def place_of_level(
@@ -37,9 +37,9 @@ def places_of_levels(cube: wp.bool, width: wp.int32, height: wp.int32, rows: wp.
                            : sample_2d(textures.texels.data, image, to.x, to.y, to_right, to_below);
     Vec3 shown = exact;
 #if defined(__CUDA_ARCH__)
-    const unsigned long long sheet = sheet_of(textures, 0);
-    shown = cube ? sample_cube_sheet(sheet, image, to, right, down)
-                 : sample_2d_sheet(sheet, image, to.x, to.y, to_right, to_below);
+    const unsigned long long atlas = atlas_of(textures, 0);
+    shown = cube ? sample_cube_atlas(atlas, image, to, right, down)
+                 : sample_2d_atlas(atlas, image, to.x, to.y, to_right, to_below);
 #endif
     const Vec3 off = shown - exact;
     const float most = warpcam::max(warpcam::abs(off.x), warpcam::abs(off.y));
@@ -89,13 +89,13 @@ def test_each_level_lies_where_kernels_look_with_its_other_side_around_it(width,
     pixels = np.random.default_rng(0).integers(0, 256, (height, width, 3), np.uint8)
     image = TextureImage("2d", pixels)
     levels = levels_of(image)
-    sheet = mip_atlas_of(
+    atlas = mip_atlas_of(
         np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], width, height
     )
     for (w, h, left, top), (level,) in zip(places(False, width, height).astype(int), levels, strict=True):
         assert (h, w) == level.shape[:2]
         around = np.pad(level, ((1, 1), (1, 1), (0, 0)), "wrap")
-        assert (sheet[top - 1 : top + h + 1, left - 1 : left + w + 1] == around).all()
+        assert (atlas[top - 1 : top + h + 1, left - 1 : left + w + 1] == around).all()
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 16])
@@ -103,19 +103,19 @@ def test_around_each_face_of_a_cube_is_what_a_step_over_its_edge_shows(size):
     pixels = np.random.default_rng(1).integers(0, 256, (6, size, size, 3), np.uint8)
     image = TextureImage("cube", pixels)
     levels = levels_of(image)
-    sheet = cube_mip_atlas_of(np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], size)
+    atlas = cube_mip_atlas_of(np.concatenate([level.reshape(-1, 4) for level in levels]).view(np.uint32)[:, 0], size)
     for (side, apart, left, top), level in zip(places(True, size, size).astype(int), levels, strict=True):
         for face in range(6):
             first = left + face * apart
-            assert (sheet[top : top + side, first : first + side] == level[face]).all()
+            assert (atlas[top : top + side, first : first + side] == level[face]).all()
             # MuJoCo's OpenGL: +x's right edge (z = -1) meets -z's left one, its left edge +z's right one.
             if face == 0:
-                assert (sheet[top : top + side, first + side] == level[5][:, 0]).all()
-                assert (sheet[top : top + side, first - 1] == level[4][:, -1]).all()
+                assert (atlas[top : top + side, first + side] == level[5][:, 0]).all()
+                assert (atlas[top : top + side, first - 1] == level[4][:, -1]).all()
             # Below +z lies -y, whose first row it meets; above it +y, whose last row.
             if face == 4:
-                assert (sheet[top + side, first : first + side] == level[3][0]).all()
-                assert (sheet[top - 1, first : first + side] == level[2][-1]).all()
+                assert (atlas[top + side, first : first + side] == level[3][0]).all()
+                assert (atlas[top - 1, first : first + side] == level[2][-1]).all()
 
 
 @pytest.mark.parametrize("kind", ["2d", "cube"])
@@ -148,10 +148,10 @@ def test_the_hardware_shows_what_the_texels_do(device, kind):
     assert differences.numpy()[corners].max(initial=0.0) < 8.0 / 255.0
 
 
-def test_images_too_large_have_no_sheet_and_leave_room_to_others(device, monkeypatch):
+def test_images_too_large_have_no_atlas_and_leave_room_to_others(device, monkeypatch):
     monkeypatch.setattr(mip_atlas, "ROOM", 6 * 10 * 10)
     images = [TextureImage("2d", np.zeros((side, side, 3), np.uint8)) for side in (16, 8, 4)]
     textures = pack_textures(images, device)
     kept = pack_mip_atlases(images, textures, device)
-    assert (textures.sheets.numpy() != 0).tolist() == [False, device.is_cuda, False]
+    assert (textures.atlases.numpy() != 0).tolist() == [False, device.is_cuda, False]
     assert len(kept) == device.is_cuda

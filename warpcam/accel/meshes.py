@@ -90,8 +90,8 @@ def pack_meshes(
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     holders: list[int] = []  # the first mesh of each
     node_start, face_start, corner_start = [], [], []
-    lower = np.zeros((len(meshes), 3), np.float32)
-    upper = np.full((len(meshes), 3), -1.0, np.float32)
+    bounds_min = np.zeros((len(meshes), 3), np.float32)
+    bounds_max = np.full((len(meshes), 3), -1.0, np.float32)
     normals, uvs = [], []
     node_rows = face_rows = corners = 0
     moving = any(mesh.moves for mesh in meshes)
@@ -120,15 +120,15 @@ def pack_meshes(
         corners += len(mesh.faces)
         if len(mesh.faces):
             used = mesh.vertices[mesh.faces.reshape(-1)]
-            lower[index], upper[index] = used.min(axis=0), used.max(axis=0)
+            bounds_min[index], bounds_max[index] = used.min(axis=0), used.max(axis=0)
         normals.append(_normals(mesh))
         uvs.append(_uvs(mesh))
         if max(node_rows, face_rows, 3 * corners) > MAX_ROWS:
             raise WarpcamError(f"meshes: up to mesh '{mesh.name}' they have {corners} faces; all must fit 2^31 rows")
 
     packed = Meshes()
-    packed.lower = wp.array(lower, dtype=wp.vec3, device=device)
-    packed.upper = wp.array(upper, dtype=wp.vec3, device=device)
+    packed.bounds_min = wp.array(bounds_min, dtype=wp.vec3, device=device)
+    packed.bounds_max = wp.array(bounds_max, dtype=wp.vec3, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
     packed.corner_start = _integers(corner_start, device)

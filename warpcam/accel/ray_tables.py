@@ -102,7 +102,7 @@ def table_handles(table: int, count: int, floats: int, width: int, height: int, 
         floats: That each has.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        angles: Of each, between neighbouring rays [rad]; with spread rays see ``offset_pixel_width``. Or one for all.
+        angles: Of each, between neighbouring rays [rad]; with offset rays see ``offset_pixel_width``. Or one for all.
     """
     addresses = table + 4 * floats * np.arange(count, dtype=np.uint64)
     words = np.empty((count, 4), np.uint32)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from warpcam.core.errors import WarpcamError
 
-Projection = Literal["pinhole", "orthographic", "rays", "spread"]
+Projection = Literal["pinhole", "orthographic", "rays", "offset_rays"]
 
 
 class Lens(ABC):

@@ -28,7 +28,7 @@ class RayTableLens(Lens):
 
     @property
     def projection(self) -> Projection:
-        return "spread" if self.has_origins else "rays"
+        return "offset_rays" if self.has_origins else "rays"
 
     def values(self, width: int, height: int) -> Mapping[str, tuple[Any, ...]]:
         return {}

@@ -180,7 +180,13 @@ class _Cameras:
         m = self._m if look is None else look.model
         with preserve_cuda_context():
             scene = load_groups(
-                self._mjm, m, self.data, kind.groups, ("geoms", "flexes"), kind.reflections, kind.transparency
+                self._mjm,
+                m,
+                self.data,
+                groups=kind.groups,
+                draw=("geoms", "flexes"),
+                reflections=kind.reflections,
+                transparency=kind.transparency,
             )
         return look, scene
 

@@ -136,10 +136,22 @@ class CameraBinding:
         history, views, key = passes.history, passes.views, passes.plan.lists
         if key is None:
             before = None if history is None else history.views
-            return views_stage.bind_views(pose, lens, mask, faults, views, device, before, frame_start)
+            return views_stage.bind_views(
+                pose, lens, mask, faults, views, device=device, before=before, frame_start=frame_start
+            )
         flow_history = None if history is None else history.flow_history
         return view_shape_lists.bind_lists(
-            key, frame_start, pose, lens, mask, faults, views, tables, passes.lists, flow_history, device
+            key,
+            frame_start=frame_start,
+            pose=pose,
+            lens=lens,
+            mask=mask,
+            faults=faults,
+            views=views,
+            tables=tables,
+            lists=passes.lists,
+            history=flow_history,
+            device=device,
         )
 
     def _pose(self) -> CameraPose:
@@ -220,11 +232,11 @@ class CameraBinding:
         self._table.assign(np.broadcast_to(packed, self._table.shape))
         self._handles.assign(self._handles_of(widths))
 
-    def _packed(self, lens: RayTableLens, spread: bool) -> tuple[np.ndarray, list[float]]:
-        """A lens's tables, with room for where rays begin if they are ``spread``, and how wide a pixel is of each."""
+    def _packed(self, lens: RayTableLens, has_origins: bool) -> tuple[np.ndarray, list[float]]:
+        """A lens's tables, with places where rays begin if it ``has_origins``, and how wide a pixel is of each."""
         size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
         rays = lens.rays(*size)
-        if not spread:
+        if not has_origins:
             return pack_rays(rays), [pixel_angle(one) for one in rays]
         rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
         widths = [offset_pixel_width(one, begin) for one, begin in zip(rays, starts, strict=True)]

@@ -11,8 +11,9 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import FramePlan, ImageRequest, plan_frame
+from warpcam.kernels.plan.frame import FramePlan, plan_frame
 from warpcam.kernels.plan.passes import PASSES
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
@@ -31,8 +32,14 @@ def check_size(camera: Camera, num_worlds: int) -> None:
 
 def request_of(camera: Camera, projection: Projection) -> ImageRequest:
     """The images that a camera asks for."""
-    outputs = tuple(camera.outputs)
-    return ImageRequest(camera.width, camera.height, projection, outputs, camera.shadows, camera.antialiasing)
+    return ImageRequest(
+        camera.width,
+        camera.height,
+        projection,
+        tuple(camera.outputs),
+        shadows=camera.shadows,
+        antialiasing=camera.antialiasing,
+    )
 
 
 @dataclass(frozen=True)

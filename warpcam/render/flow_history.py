@@ -52,7 +52,9 @@ class CameraHistory:
 
     def bind(self, tables: SceneTables, views: wp.array, projection: Projection, mask: wp.array, keep: bool) -> Stage:
         """The stage before the trace; with ``keep`` the last of its kind in the frame."""
-        return flow.bind_motions(tables, views, mask, projection, keep, self.flow_history, self._device)
+        return flow.bind_motions(
+            tables, views, mask, lens=projection, keep=keep, history=self.flow_history, device=self._device
+        )
 
 
 class ShapeHistory:

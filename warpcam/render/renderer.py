@@ -66,9 +66,10 @@ class Renderer:
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
-        faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not a
-            number or made no image, as a camera's rotation of 0 makes none. The first frame's are told in a warning.
-            Such a world's images show the background; no other world is touched.
+        faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not
+            finite or made no image. A world with a shape that is not finite shows the background, and so does a camera
+            that is not or whose rotation is 0; a shape whose rotation or size is 0 is missing from its world. No other
+            world is touched. The first frame's are told in a warning.
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
@@ -214,12 +215,12 @@ class Renderer:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
 
     def _tell_faults(self) -> None:
-        """Warn, after the first frame, of worlds without an image: most often their state was never forwarded."""
+        """Warn, after the first frame, of faulty worlds: most often their state was never forwarded."""
         self._is_checked = True
         if count := int(np.count_nonzero(self._faults.numpy())):
             logging.getLogger("warpcam").warning(
-                "render: %d of %d worlds made no image, see Renderer.faulty: a pose, size or lens is not a number, or "
-                "a camera's rotation is 0, as in a state whose kinematics never ran. Run mj_forward, "
+                "render: %d of %d worlds made no image or miss a shape, see Renderer.faulty: a pose, size or lens is "
+                "not finite, or a rotation or size is 0, as in a state whose kinematics never ran. Run mj_forward, "
                 "mujoco_warp.forward or newton.eval_fk first, or call render(forward=True)",
                 count,
                 self._scene.num_worlds,

@@ -77,7 +77,7 @@ class Scene:
         types, spare = set(seen), has_plane_path(set(seen), len(seen))
         self._mips: list[wp.Texture2D] = []
         if spare or (has_strips(types, len(seen)) and not parts.physical):
-            self._sheets = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
+            self._mip_atlases = pack_mip_atlases(parts.textures, self._textures, self.device, not spare)
             if types.isdisjoint((MESH, HEIGHT_FIELD)) and not (parts.physical or parts.clouds):
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
@@ -165,9 +165,17 @@ class Scene:
         run(self.stages())
         host = {name: array.numpy() for name, array in self._arrays.items() if name.startswith(("shape", "material_c"))}
         parts, clouds = self._parts, self._splats
-        corners = self._meshes.lower.numpy(), self._meshes.upper.numpy()
+        corners = self._meshes.bounds_min.numpy(), self._meshes.bounds_max.numpy()
         splats = None if clouds is None else (clouds.lower, clouds.upper)
-        return bounds_of(host, parts.shape_types, self._seen(), corners, parts.height_fields, parts.scaled, splats)
+        return bounds_of(
+            host,
+            parts.shape_types,
+            drawn=self._seen(),
+            meshes=corners,
+            height_fields=parts.height_fields,
+            scaled=parts.scaled,
+            clouds=splats,
+        )
 
     @property
     def live_on_device(self) -> bool:

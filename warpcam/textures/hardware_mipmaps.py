@@ -1,4 +1,4 @@
-"""Mipmapped textures of the GPU's own: one fetch a pixel where a sheet takes two. Where Warp makes them."""
+"""Mipmapped textures of the GPU's own: one fetch a pixel where an atlas takes two. Where Warp makes them."""
 
 import inspect
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Sheets: an image and its mipmaps beside each other in one texture of the GPU's own, whose hardware filters it.
+"""Mip atlases: an image and its mipmaps beside each other in one texture of the GPU's own, whose hardware filters it.
 
 Two fetches a pixel take the place of eight texels and their weights; see native/texture/sampler.h.
 """
@@ -12,7 +12,7 @@ import warp as wp
 from warpcam.kernels.types import Textures
 from warpcam.textures.pack import TextureImage, level_sizes
 
-ROOM = 2**28  # bytes of all sheets; images beyond it have none
+ROOM = 2**28  # bytes of all atlases; images beyond it have none
 FLOOR_ROOM = 2**24  # the same where only floors are drawn from them
 LARGEST = 2**14  # texels along a side of an image that has one
 
@@ -37,7 +37,7 @@ _FROM_FACE = np.array(
 def pack_mip_atlases(
     images: Sequence[TextureImage], textures: Textures, device: wp.Device, floors: bool = False
 ) -> list[wp.Texture2D]:
-    """Put images on sheets and write these into ``textures``.
+    """Put images in atlases and write these into ``textures``.
 
     On a CPU there are none. What writes ``textures.texels`` later does not change them.
 
@@ -45,12 +45,12 @@ def pack_mip_atlases(
         images: As they were packed.
         textures: What ``pack_textures`` made of them.
         device: Where they lie.
-        floors: Only floors are drawn from sheets: no cubes, and no more than ``FLOOR_ROOM``.
+        floors: Only floors are drawn from atlases: no cubes, and no more than ``FLOOR_ROOM``.
 
     Returns:
-        The sheets. They go when these go, and ``textures`` must not be used after that.
+        The atlases. They go when these go, and ``textures`` must not be used after that.
     """
-    sheets, places = [], np.zeros(len(images), np.uint64)
+    atlases, places = [], np.zeros(len(images), np.uint64)
     if device.is_cuda:
         starts, widths, heights = (array.numpy() for array in (textures.start, textures.width, textures.height))
         left = FLOOR_ROOM if floors else ROOM
@@ -63,15 +63,15 @@ def pack_mip_atlases(
             left -= size
             count = faces * sum(w * h for w, h in level_sizes(width, height))
             texels = textures.texels[int(starts[index]) : int(starts[index]) + count].numpy()
-            sheet = mip_atlas_of(texels, width, height) if faces == 1 else cube_mip_atlas_of(texels, width)
-            sheets.append(wp.Texture2D(sheet, normalized_coords=False, device=device))
-            places[index] = sheets[-1].id
-    textures.sheets = wp.array(places, dtype=wp.uint64, device=device)
-    return sheets
+            atlas = mip_atlas_of(texels, width, height) if faces == 1 else cube_mip_atlas_of(texels, width)
+            atlases.append(wp.Texture2D(atlas, normalized_coords=False, device=device))
+            places[index] = atlases[-1].id
+    textures.atlases = wp.array(places, dtype=wp.uint64, device=device)
+    return atlases
 
 
 def mip_atlas_of(texels: npt.NDArray[np.uint32], width: int, height: int) -> Bytes:
-    """An image and its mipmaps, as ``Textures.texels`` has them, on one sheet: (row, column, 4).
+    """An image and its mipmaps, as ``Textures.texels`` has them, in one atlas: (row, column, 4).
 
     Level 0 stands on the left, the others below each other beside it. Each has a border of one texel, which repeats
     what is on the other side.
@@ -79,33 +79,33 @@ def mip_atlas_of(texels: npt.NDArray[np.uint32], width: int, height: int) -> Byt
     sizes = level_sizes(width, height)
     rows = max(height + 2, sum(h + 2 for _, h in sizes[1:]))
     columns = width + 2 + (sizes[1][0] + 2 if len(sizes) > 1 else 0)
-    sheet = np.zeros((rows, columns, 4), np.uint8)
+    atlas = np.zeros((rows, columns, 4), np.uint8)
     start = left = top = 0
     for number, (w, h) in enumerate(sizes):
         level = texels[start : start + w * h].view(np.uint8).reshape(h, w, 4)
-        sheet[top : top + h + 2, left : left + w + 2] = np.pad(level, ((1, 1), (1, 1), (0, 0)), "wrap")
+        atlas[top : top + h + 2, left : left + w + 2] = np.pad(level, ((1, 1), (1, 1), (0, 0)), "wrap")
         start, left, top = start + w * h, width + 2, top + h + 2 if number else 0
-    return sheet
+    return atlas
 
 
 def cube_mip_atlas_of(texels: npt.NDArray[np.uint32], size: int) -> Bytes:
-    """A cube and its mipmaps, as ``Textures.texels`` has them, on one sheet: (row, column, 4).
+    """A cube and its mipmaps, as ``Textures.texels`` has them, in one atlas: (row, column, 4).
 
     A level's six faces stand in a row, the levels below each other. Each has a border of one texel: those of the faces
     that it meets there.
     """
     sizes = [side for side, _ in level_sizes(size, size)]
-    sheet = np.zeros((sum(side + 2 for side in sizes), 6 * (size + 2), 4), np.uint8)
+    atlas = np.zeros((sum(side + 2 for side in sizes), 6 * (size + 2), 4), np.uint8)
     start = top = 0
     for side in sizes:
         level = texels[start : start + 6 * side * side].view(np.uint8).reshape(6, side, side, 4)
         rows, columns = _border(side)
         for face in range(6):
             left = face * (side + 2) + 1
-            sheet[top + 1 : top + 1 + side, left : left + side] = level[face]
-            sheet[top + 1 + rows, left + columns] = level[_beyond(side, face, rows, columns)]
+            atlas[top + 1 : top + 1 + side, left : left + side] = level[face]
+            atlas[top + 1 + rows, left + columns] = level[_beyond(side, face, rows, columns)]
         start, top = start + 6 * side * side, top + side + 2
-    return sheet
+    return atlas
 
 
 def _border(side: int) -> tuple[Integers, Integers]:

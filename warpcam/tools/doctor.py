@@ -261,7 +261,15 @@ def _render(device: wp.Device, judge: Mapping[str, Any] | None) -> tuple[Render,
     if judge is not None and not device.is_cpu:
         share, differs = self_test.difference(shot.images, dict(judge))
         problem = problem or differs
-    return Render(device.alias, problem is None, problem, shot.first, shot.frame, share, shot.plan), shot.images
+    return Render(
+        device.alias,
+        passed=problem is None,
+        problem=problem,
+        first=shot.first,
+        frame=shot.frame,
+        different=share,
+        plan=shot.plan,
+    ), shot.images
 
 
 def _remarks(environment: Sequence[Variable]) -> list[str]:
@@ -338,15 +346,15 @@ def _why_torch_differs(gpus: int, torchs: int) -> str:
 
 def _card(device: wp.Device) -> Card:
     if device.is_cpu:
-        return Card(device.alias, str(device.name), None, None, None, None, None)
+        return Card(device.alias, str(device.name), uuid=None, pci=None, arch=None, memory=None, free=None)
     return Card(
         device.alias,
         str(device.name),
-        device.uuid,
-        device.pci_bus_id,
-        int(device.arch),
-        int(device.total_memory),
-        int(device.free_memory),
+        uuid=device.uuid,
+        pci=device.pci_bus_id,
+        arch=int(device.arch),
+        memory=int(device.total_memory),
+        free=int(device.free_memory),
     )
 
 

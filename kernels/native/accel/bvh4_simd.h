@@ -287,7 +287,7 @@ inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Ne
 {
     const ShapeRecord r = record;
     const int mesh = r.axis_z.w;
-    const auto low = wp::index(meshes.lower, mesh), high = wp::index(meshes.upper, mesh);
+    const auto low = wp::index(meshes.bounds_min, mesh), high = wp::index(meshes.bounds_max, mesh);
     const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
     const auto slabs_of = [&](int lane) {
         const Ray ray = CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);

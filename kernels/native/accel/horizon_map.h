@@ -17,7 +17,7 @@ template <class Types> constexpr bool has_horizons() { return !Types::has(TWO_SI
 // A face's own axes: its first edge, what is across it, and its normal.
 struct FaceAxes {
     Vec3 along, across, normal;
-    bool known;  // not so for needles, whose axes rounding turns
+    bool reliable;  // not so for needles, whose axes rounding turns
 
     WARPCAM_DEVICE Vec3 of(Vec3 v) const { return { dot(along, v), dot(across, v), dot(normal, v) }; }
 };
@@ -30,7 +30,7 @@ WARPCAM_DEVICE FaceAxes face_axes(Vec3 a, Vec3 b, Vec3 c)
     axes.along = rsqrt(max(ff, MIN_NORMAL)) * first;
     axes.normal = rsqrt(max(area, MIN_NORMAL)) * normal;
     axes.across = cross(axes.normal, axes.along);
-    axes.known = area > 1.0e-6f * ff * dot(other, other) && area > 100.0f * MIN_NORMAL;
+    axes.reliable = area > 1.0e-6f * ff * dot(other, other) && area > 100.0f * MIN_NORMAL;
     return axes;
 }
 
@@ -46,7 +46,7 @@ WARPCAM_DEVICE bool is_clear(unsigned horizon, const FaceAxes& axes, Vec3 direct
     const Vec3 d = axes.of(direction);
     const unsigned clearance = horizon >> 4 * sector_of(d.x, d.y) & 15u;
     const float height = 16.01f - float(clearance);
-    return axes.known & (d.z > 0.0f) & (256.0f * d.z * d.z > height * height * dot(d, d));
+    return axes.reliable & (d.z > 0.0f) & (256.0f * d.z * d.z > height * height * dot(d, d));
 }
 
 }  // namespace warpcam

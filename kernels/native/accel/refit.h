@@ -225,8 +225,8 @@ WARPCAM_DEVICE void finish_tree(const Moving& moving, const Meshes& meshes, cons
     if (thread == 0) {
         const Bounds all = node_box(meshes, nodes, 0);
         for (int axis = 0; axis < 3; ++axis) {
-            meshes.lower.data[asset][axis] = component(all.low, axis);
-            meshes.upper.data[asset][axis] = component(all.high, axis);
+            meshes.bounds_min.data[asset][axis] = component(all.low, axis);
+            meshes.bounds_max.data[asset][axis] = component(all.high, axis);
         }
     }
     keep_order(moving, meshes, points, instance, thread);

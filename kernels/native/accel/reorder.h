@@ -80,8 +80,8 @@ template <class Moving, class Meshes> WARPCAM_DEVICE void measure(const Moving& 
     alone = total(in_faces, room, thread);
 }
 
-// Every third bit of a number below 1024.
-WARPCAM_DEVICE unsigned spread(unsigned x)
+// Moves the bits of a number below 1024 to every third place.
+WARPCAM_DEVICE unsigned expand_bits(unsigned x)
 {
     x = (x | x << 16) & 0x030000ffu;
     x = (x | x << 8) & 0x0300f00fu;
@@ -154,8 +154,9 @@ WARPCAM_DEVICE void deal_out(const Moving& moving, const Meshes& meshes, const P
     float* others = pairs + 2 * count;
     for (int face = thread; face < count; face += THREADS) {
         const Vec3 at = middle_of(moving, points, base, face);
-        const unsigned key = spread(cell_of(at.x, all.low.x, rate)) | spread(cell_of(at.y, all.low.y, rate)) << 1
-                             | spread(cell_of(at.z, all.low.z, rate)) << 2;
+        const unsigned key = expand_bits(cell_of(at.x, all.low.x, rate))
+                             | expand_bits(cell_of(at.y, all.low.y, rate)) << 1
+                             | expand_bits(cell_of(at.z, all.low.z, rate)) << 2;
         pairs[face] = as_float(int(key));
         pairs[count + face] = as_float(face);
     }
@@ -178,7 +179,7 @@ WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const
     WARPCAM_SHARED float room[6 * THREADS];
     WARPCAM_SHARED int starts[DIGITS * THREADS];
     const int age = moving.ages.data[instance], share = age % MEASURE_PERIOD;
-    const float known = moving.looseness.data[instance];
+    const float as_ordered = moving.looseness.data[instance];
     float boxes, alone;
     measure(moving, meshes, wp::index(moving.assets, instance), share, room, thread, boxes, alone);
     if (share > 0) {
@@ -195,10 +196,10 @@ WARPCAM_DEVICE void keep_order(const Moving& moving, const Meshes& meshes, const
         || age < MEASURE_PERIOD)  // in the first frames the measurement may have begun in the middle
         return;
     const float now = boxes / max(alone, MIN_NORMAL);
-    const bool decayed = known >= 0.0f && now > DECAYED * known;
+    const bool decayed = as_ordered >= 0.0f && now > DECAYED * as_ordered;
     if (decayed)
         deal_out(moving, meshes, points, instance, room, starts, thread);
-    if (thread == 0 && (decayed || known < 0.0f))
+    if (thread == 0 && (decayed || as_ordered < 0.0f))
         moving.looseness.data[instance] = decayed ? UNKNOWN : now;
 }
 

@@ -40,7 +40,7 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
     WARPCAM_SHARED ListedPixel<Types> listed[MOST_LISTED];
     WARPCAM_SHARED Waiting means_waiting;
     WARPCAM_SHARED int count;
-    WARPCAM_SHARED SampleBatch<Types> chunk;
+    WARPCAM_SHARED SampleBatch<Types> batch;
     WARPCAM_SHARED NearShapes list;
     WARPCAM_SHARED AnyMeshRays<NEAR_WORDS> waiting[HAS_MESH ? WARPS : 1];
     bool ahead = false;  // whether all shapes that the image shows are listed before its edges are known
@@ -113,9 +113,9 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
             }
         }
         const int found_so_far = count;
-        const int chunks = (found_so_far + chunk.MOST - 1) / chunk.MOST;
+        const int batches = (found_so_far + batch.MOST - 1) / batch.MOST;
         for (int from = 0, pixels; from < found_so_far; from += pixels) {
-            pixels = min(found_so_far - from, (found_so_far + chunks - 1) / chunks);
+            pixels = min(found_so_far - from, (found_so_far + batches - 1) / batches);
             while (!ahead) {  // fewer, until they do not show too many shapes
                 for (int k = threadIdx.x; k < pixels; k += THREADS) {
                     const int at = listed[from + k].place(), i = region.left + at % 64, j = region.top + at / 64;
@@ -137,30 +137,30 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
                 block_sync();
             }
             if (threadIdx.x == 0) {
-                chunk.pixels = listed + from;
-                chunk.before = chunk.after = chunk.next = 0;
+                batch.pixels = listed + from;
+                batch.before = batch.after = batch.next = 0;
             }
             if (!ahead || from == 0)
                 list.template prepare_all<Types, LENS>(shapes, meshes, fields, camera, region, world);
             else
                 block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS)
-                list_samples<Types, LENS>(chunk, k, list, camera, seen, region);
+                list_samples<Types, LENS>(batch, k, list, camera, seen, region);
             block_sync();
-            trace_samples<Types, LENS, IMAGES>(chunk, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
+            trace_samples<Types, LENS, IMAGES>(batch, list, waiting[HAS_MESH ? warp : 0], meshes, fields, camera, seen,
                                                region);
             block_sync();
             for (int k = threadIdx.x; k < pixels; k += THREADS) {
-                const int at = chunk.place(k), i = region.left + at % 64, j = region.top + at / 64;
+                const int at = batch.place(k), i = region.left + at % 64, j = region.top + at / 64;
                 if constexpr (IN_PLACE) {
                     const unsigned char (&shown)[SAMPLES] =
-                        *reinterpret_cast<const unsigned char (*)[SAMPLES]>(chunk.shown + SAMPLES * k);
+                        *reinterpret_cast<const unsigned char (*)[SAMPLES]>(batch.shown + SAMPLES * k);
                     listed[from + k].bits = shown_bits(at, shown);
                     continue;
                 }
                 unsigned by[SAMPLES];
                 for (int sample = 0; sample < SAMPLES; ++sample)
-                    by[sample] = seen.around(i, j, chunk.shown[SAMPLES * k + sample]);
+                    by[sample] = seen.around(i, j, batch.shown[SAMPLES * k + sample]);
                 put_means<IMAGES>(seen.centres, seen.centres.of_images(i, j), by);
             }
             if (IN_PLACE && pixels == found_so_far)
@@ -170,8 +170,8 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
             block_sync();
         }
         if constexpr (IN_PLACE) {
-            static_assert(HAS_MESH && sizeof(chunk.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
-            put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(chunk.hits), means_waiting,
+            static_assert(HAS_MESH && sizeof(batch.hits) >= MOST_LISTED * sizeof(unsigned), "hits have room for means");
+            put_in_place<IMAGES, LENS>(listed, found_so_far, reinterpret_cast<unsigned*>(batch.hits), means_waiting,
                                        in_bands ? band_end * TILE_HEIGHT : 0, band_end >= rows, seen, region);
             if (band_end < rows) {
                 left = next_band(band_end);
@@ -202,18 +202,18 @@ WARPCAM_DEVICE void smooth_region(const Shapes& shapes, const Meshes& meshes, co
     } else {
         static_assert(HEIGHT <= 32, "a ListedPixel has 16 bits");
         WARPCAM_SHARED CentresRoom<Target, IMAGES, WIDTH, HEIGHT> room;
-        using Kept = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
-        const Kept kept { room, target, region.left - 1, region.top - 1, first };
+        using Cache = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
+        const Cache cache { room, target, region.left - 1, region.top - 1, first };
         if constexpr (sizeof(room.ids[0]) == 1) {
-            WARPCAM_SHARED KeptEdges<WIDTH, HEIGHT> edges;
-            using EdgeResolver = KeptSmoother<Types, LENS, WIDTH, HEIGHT, IMAGES, Target>;
+            WARPCAM_SHARED CachedEdges<WIDTH, HEIGHT> edges;
+            using EdgeResolver = CachedEdgeResolver<Types, LENS, WIDTH, HEIGHT, IMAGES, Target>;
             EdgeResolver::clear(edges, shapes);
-            kept.load();
-            const EdgeTester<LENS, Kept> seen { kept, pixel_width<LENS>(camera), camera.scale_y };
+            cache.load();
+            const EdgeTester<LENS, Cache> seen { cache, pixel_width<LENS>(camera), camera.scale_y };
             EdgeResolver { edges, seen, camera, region }.smooth(shapes, meshes, fields, world);
         } else {
-            kept.load();
-            smooth_region<Types, LENS, IMAGES, false>(shapes, meshes, fields, kept, camera, region, world);
+            cache.load();
+            smooth_region<Types, LENS, IMAGES, false>(shapes, meshes, fields, cache, camera, region, world);
         }
     }
 }

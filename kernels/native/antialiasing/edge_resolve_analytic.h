@@ -18,7 +18,7 @@ constexpr unsigned OPEN =
 constexpr int PLACE_BITS = 10;     // of a pixel's place in its region, row after row
 
 // Per-block state of a region's edges.
-template <int WIDTH, int HEIGHT> struct KeptEdges {
+template <int WIDTH, int HEIGHT> struct CachedEdges {
     static constexpr int PIXELS = WIDTH * HEIGHT;
     static_assert(PIXELS <= 1 << PLACE_BITS, "places fit");
 
@@ -39,12 +39,13 @@ template <int WIDTH, int HEIGHT> struct KeptEdges {
     int total, next;                // of `samples`, and how many times 32 of them were taken
 };
 
-template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct KeptSmoother {
+template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct CachedEdgeResolver {
     using Centres = PixelCache<Target, IMAGES, WIDTH, HEIGHT>;
-    using Edges = KeptEdges<WIDTH, HEIGHT>;
+    using Edges = CachedEdges<WIDTH, HEIGHT>;
     using Finder = EdgeFinder<LENS, WIDTH, HEIGHT, IMAGES, Target>;
     static constexpr int LINE = Centres::LINE, WARPS = THREADS / WARP_SIZE;
-    static constexpr bool SIDED = Types::has_any(BOX, CYLINDER);
+    static constexpr int SIDED_TYPES = Types::GEOMETRY & TYPES_WITH_FACES;
+    static constexpr bool SIDED = SIDED_TYPES != 0;
     static constexpr bool ROUND = Types::has_any(SPHERE, ELLIPSOID);
     static constexpr int TRACED = (Types::ANALYTIC & ~(1 << ELLIPSOID)) | (ROUND ? 1 << SPHERE : 0);
 
@@ -70,12 +71,12 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE Spot spot_of(unsigned listed) const
     {
         const unsigned its = edges.pixels[listed / SAMPLES], place = its % (1u << PLACE_BITS);
-        return { region.left + int(place % WIDTH), region.top + int(place / WIDTH), kept_at(place),
+        return { region.left + int(place % WIDTH), region.top + int(place / WIDTH), cache_index(place),
                  (its >> PLACE_BITS & PLAIN) != 0 };
     }
 
     // Index at which a pixel is stored, by its position in the region.
-    WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return Finder::kept_at(place); }
+    WARPCAM_DEVICE static unsigned cache_index(unsigned place) { return Finder::cache_index(place); }
 
     // The nine ids around a pixel that is kept, of which all are loaded before any is used.
     template <class Use> WARPCAM_DEVICE void ids_around(unsigned pixel, const Use& use) const
@@ -97,7 +98,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE void see_all(int from, int end) const
     {
         for (int k = from + int(threadIdx.x); k < end; k += THREADS)
-            see_around(kept_at(edges.pixels[edges.samples[k] / SAMPLES] % (1u << PLACE_BITS)));
+            see_around(cache_index(edges.pixels[edges.samples[k] / SAMPLES] % (1u << PLACE_BITS)));
         block_sync();
     }
 
@@ -107,7 +108,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
         const int lane = threadIdx.x % WARP_SIZE;
         for (int first = threadIdx.x - lane; first < count; first += THREADS) {
             const int number = first + lane;
-            const unsigned place = edges.pixels[min(number, count - 1)], pixel = kept_at(place);
+            const unsigned place = edges.pixels[min(number, count - 1)], pixel = cache_index(place);
             const auto sided = [&](int id) { return edges.sided[id + 1] != 0; };
             const unsigned found = number < count ? finder.template edge<SIDED>(place, sided) : 0;
             const unsigned samples = found & EVERY_SAMPLE;
@@ -199,14 +200,14 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
 
     WARPCAM_DEVICE static bool is_sided(const ShapeRecord& record)
     {
-        return SIDED && (record.axis_x.w == BOX || record.axis_x.w == CYLINDER);
+        return record.axis_x.w >= 0 && (SIDED_TYPES >> record.axis_x.w & 1);
     }
 
     // Selects the neighbouring pixel that shows a sample's hit on a shape with sides, as shown_sample() does.
     WARPCAM_DEVICE int shown_side(const Spot& spot, int sample, const ShapeRecord& record) const
     {
         const CameraRay<LENS> ray = sample_ray<LENS>(camera, spot.i, spot.j, sample);
-        const float depth = intersect_any<Types::GEOMETRY & (1 << BOX | 1 << CYLINDER)>(record, ray.local(record));
+        const float depth = intersect_any<SIDED_TYPES>(record, ray.local(record));
         unsigned left = showing(spot, record.origin.w), order = Neighborhood3x3::order(sample);
         int best_at = nearest(left, order);
         left &= ~(1u << best_at);
@@ -223,7 +224,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
             const auto its =
                 view_ray<LENS>(camera, spot.i + Neighborhood3x3::right(place), spot.j + Neighborhood3x3::down(place));
             return apart_from(place) + seen.apart(pixel_of(place), depth)
-                   + (part_at<LENS>(record, its, there) == part ? 0.0f : TURNED);
+                   + (part_at<LENS>(record, its, there) == part ? 0.0f : NORMAL_WEIGHT);
         };
         Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
         float best = MISS;  // not known before some other pixel has another colour
@@ -321,7 +322,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
     WARPCAM_DEVICE void put(int count) const
     {
         for (int k = threadIdx.x; k < count; k += THREADS) {
-            const unsigned its = edges.pixels[k], place = its % (1u << PLACE_BITS), pixel = kept_at(place);
+            const unsigned its = edges.pixels[k], place = its % (1u << PLACE_BITS), pixel = cache_index(place);
             if (!(its >> PLACE_BITS))
                 continue;
             const unsigned places = edges.shown[k];

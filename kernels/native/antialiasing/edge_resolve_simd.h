@@ -256,14 +256,14 @@ struct EdgeResolver {
             ++at;
         const unsigned pixels = edge.shapes[at].pixels;
         const ShapeRecord& record = around.records[slot];
-        const auto show = [&](bool sided, const auto& turned) {
+        const auto show = [&](bool sided, const auto& normal_cost) {
             if (!sided)
                 return nearest(sample, pixels);
             unsigned left = 0;
             for (int k = 0; k < AROUND; ++k)
                 left |= (pixels >> near[sample][k] & 1) << k;
             return seen.template select<IMAGES>(left, edge.i, edge.j, sample_offset(sample), its.depth[sample], true,
-                                                turned);
+                                                normal_cost);
         };
         return shown_sample<Types>(seen, meshes, camera, edge.i, edge.j, sample, its.depth[sample], its.face[sample],
                                    record, edge.samples, show);

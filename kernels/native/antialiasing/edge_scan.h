@@ -9,7 +9,7 @@ namespace warpcam {
 
 // Pixels of each row that may have an edge, and whose surface is bent.
 template <int HEIGHT> struct EdgeMarks {
-    unsigned maybe[HEIGHT], turned[HEIGHT];
+    unsigned maybe[HEIGHT], bent[HEIGHT];
 };
 
 // A pixel's place is counted row after row.
@@ -28,7 +28,10 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     };
 
     // Index at which a pixel is stored, by its position.
-    WARPCAM_DEVICE static unsigned kept_at(unsigned place) { return place / WIDTH * LINE + place % WIDTH + LINE + 1; }
+    WARPCAM_DEVICE static unsigned cache_index(unsigned place)
+    {
+        return place / WIDTH * LINE + place % WIDTH + LINE + 1;
+    }
 
     // Notes which pixels may have an edge. Then a barrier.
     WARPCAM_DEVICE void look() const
@@ -53,10 +56,10 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
                    & seen.turns_at(depth_above, depth_here, depth_below, seen.scale_y));
             const bool there = inside & (j < target.height), bent_there = within & bent & (here >= 0);
             const unsigned maybe = __ballot_sync(FULL_WARP, there & (!within | bent_there));
-            const unsigned turned = __ballot_sync(FULL_WARP, bent_there);
+            const unsigned bent_lanes = __ballot_sync(FULL_WARP, bent_there);
             if (lane == 0) {
                 marks.maybe[row] = maybe;
-                marks.turned[row] = turned;
+                marks.bent[row] = bent_lanes;
             }
             above = here;
             here = below;
@@ -100,8 +103,8 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
     // EdgeTester::edge() of a pixel that may have an edge, by its position.
     template <bool SIDED, class HasSides> WARPCAM_DEVICE unsigned edge(unsigned place, const HasSides& has_sides) const
     {
-        const unsigned pixel = kept_at(place);
-        const bool bent = marks.turned[place / WIDTH] >> place % WIDTH & 1;
+        const unsigned pixel = cache_index(place);
+        const bool bent = marks.bent[place / WIDTH] >> place % WIDTH & 1;
         // the pixels around by the pairs that a sample lies at, from the one below on by way of the left: those beside,
         // and those across
         const unsigned beside[4] { pixel + LINE, pixel - 1, pixel - LINE, pixel + 1 };
@@ -115,15 +118,15 @@ template <int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target> struct Edge
             other.across |= unsigned(seen.shape(across[k]) != here) << k;
         }
         const bool within = !other.beside;
-        const int faint = within ? FAINT_WITHIN : COLOR_TOLERANCE;
+        const int tolerance = within ? TOLERANCE_WITHIN : COLOR_TOLERANCE;
 #pragma unroll
         for (int k = 0; k < 4; ++k) {
             const auto one = seen.template colour<IMAGES>(beside[k]), two = seen.template colour<IMAGES>(across[k]);
-            gaps.beside |= unsigned(its.differs(one, faint)) << k;
-            gaps.across |= unsigned(its.differs(two, faint)) << k;
+            gaps.beside |= unsigned(its.differs(one, tolerance)) << k;
+            gaps.across |= unsigned(its.differs(two, tolerance)) << k;
             if (SIDED) {
-                wide.beside |= unsigned(its.differs(one, FAINT_SIDES)) << k;
-                wide.across |= unsigned(its.differs(two, FAINT_SIDES)) << k;
+                wide.beside |= unsigned(its.differs(one, TOLERANCE_OF_SIDES)) << k;
+                wide.across |= unsigned(its.differs(two, TOLERANCE_OF_SIDES)) << k;
             }
         }
         unsigned pairs = within ? (bent ? EVERY_SAMPLE : 0) : other.beside | other.across;

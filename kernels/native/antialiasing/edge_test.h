@@ -12,12 +12,12 @@ namespace warpcam {
 constexpr float EDGE_SLOPE = 1.0f;
 // Colours that differ by so much or less are about the same [levels of 255], at an edge of a shape and within one. Of a
 // pixel's mean a sample is a quarter.
-constexpr int COLOR_TOLERANCE = 12, FAINT_WITHIN = 24, FAINT_SIDES = 32;
+constexpr int COLOR_TOLERANCE = 12, TOLERANCE_WITHIN = 24, TOLERANCE_OF_SIDES = 32;
 // Weight of distance in depth against distance in the image: among pixels that may show a sample's surface, one that is
 // this many pixel widths apart in depth counts as one that is a pixel width aside.
-constexpr float STEEP = 8.0f;
+constexpr float DEPTH_WEIGHT = 8.0f;
 // One whose surface is turned by a right angle is as bad as one that lies so many pixels' widths aside, squared.
-constexpr float TURNED = 2.0f;
+constexpr float NORMAL_WEIGHT = 2.0f;
 // Extrapolation limits beyond the depths around a sample: in parts of their range, and in pixel widths.
 constexpr float BEYOND = 2.5f, ASIDE = 4.0f;
 constexpr int ITSELF = 4;  // of the nine pixels around one
@@ -303,12 +303,12 @@ template <int LENS, class Centres> struct EdgeTester {
 #pragma unroll
             for (int k = 0; k < 8; ++k) {
                 const Colour<IMAGES>& beside = around[k];
-                gaps |= unsigned(its.differs(beside, within ? FAINT_WITHIN : COLOR_TOLERANCE)) << k;
-                wide_gaps |= unsigned(its.differs(beside, FAINT_SIDES)) << k;
+                gaps |= unsigned(its.differs(beside, within ? TOLERANCE_WITHIN : COLOR_TOLERANCE)) << k;
+                wide_gaps |= unsigned(its.differs(beside, TOLERANCE_OF_SIDES)) << k;
             }
 #else
-            gaps = which_differ(its, around, within ? FAINT_WITHIN : COLOR_TOLERANCE);
-            wide_gaps = sided ? which_differ(its, around, FAINT_SIDES) : 0;
+            gaps = which_differ(its, around, within ? TOLERANCE_WITHIN : COLOR_TOLERANCE);
+            wide_gaps = sided ? which_differ(its, around, TOLERANCE_OF_SIDES) : 0;
 #endif
             samples &= of_pairs(gaps | gaps >> 1 | gaps << 7);
             if (sided)  // of which two may meet in the triangle
@@ -329,14 +329,16 @@ template <int LENS, class Centres> struct EdgeTester {
     // Distance in depth between a hit and what a pixel shows.
     WARPCAM_DEVICE float apart(unsigned pixel, float hit_depth) const
     {
-        return abs(depth(pixel) - hit_depth) * rcp(STEEP * scale_x * widths_at<LENS>(hit_depth));
+        return abs(depth(pixel) - hit_depth) * rcp(DEPTH_WEIGHT * scale_x * widths_at<LENS>(hit_depth));
     }
 
     // Selects, from the nine pixels around (i, j), the one that shows what a sample has hit: the nearest by position
-    // and, for a shape with sides, by depth and by turned(i, j, pixel), how far its surface turns from the one hit, if
-    // the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of around().
-    template <int IMAGES, class Turned> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
-                                                                 int hit_shape, bool sided, const Turned& turned) const
+    // and, for a shape with sides, by depth and by normal_cost(i, j, pixel), how far its surface turns from the one
+    // hit, if the pixels differ in colour. Returns the pixel itself if none shows the hit. Numbers are those of
+    // around().
+    template <int IMAGES, class NormalCost> WARPCAM_DEVICE int shown(int i, int j, Offset offset, float hit_depth,
+                                                                     int hit_shape, bool sided,
+                                                                     const NormalCost& normal_cost) const
     {
         unsigned left = 0;  // those that show the shape, from near to far
 #pragma unroll
@@ -344,13 +346,13 @@ template <int LENS, class Centres> struct EdgeTester {
             const Neighbour at_k = near_sample(offset, k);
             left |= unsigned(centres.shows(i + at_k.right, j + at_k.down, hit_shape)) << k;
         }
-        return left ? select<IMAGES>(left, i, j, offset, hit_depth, sided, turned) : ITSELF;
+        return left ? select<IMAGES>(left, i, j, offset, hit_depth, sided, normal_cost) : ITSELF;
     }
 
     // Selects likewise from the pixels in `left`, numbered from near to far.
-    template <int IMAGES, class Turned> WARPCAM_DEVICE int select(unsigned left, int i, int j, Offset offset,
-                                                                  float hit_depth, bool sided,
-                                                                  const Turned& turned) const
+    template <int IMAGES, class NormalCost> WARPCAM_DEVICE int select(unsigned left, int i, int j, Offset offset,
+                                                                      float hit_depth, bool sided,
+                                                                      const NormalCost& normal_cost) const
     {
         const auto aside = [&](int k) { return near_sample(offset, k); };
         if (!sided)
@@ -363,7 +365,7 @@ template <int LENS, class Centres> struct EdgeTester {
         };
         const auto cost_of = [&](const Neighbour& place, float most) {  // or what it is at least, if that is so much
             const float its = apart_from(place) + apart(pixel_of(place), hit_depth);
-            return its < most ? its + turned(i + place.right, j + place.down, pixel_of(place)) : its;
+            return its < most ? its + normal_cost(i + place.right, j + place.down, pixel_of(place)) : its;
         };
         Neighbour best_at = aside(ctz(left));
         Colour<IMAGES> best_colour = colour<IMAGES>(pixel_of(best_at));

@@ -105,10 +105,10 @@ WARPCAM_DEVICE void trace_own(const ShapeRecord* records, unsigned walked, unsig
 
 // Finds what may be hit by the samples of a pixel whose shapes are listed, and lists these samples.
 template <class Types, int LENS, class Centres>
-WARPCAM_DEVICE void list_samples(SampleBatch<Types>& chunk, int pixel, const NearShapes& list, const Camera& camera,
+WARPCAM_DEVICE void list_samples(SampleBatch<Types>& batch, int pixel, const NearShapes& list, const Camera& camera,
                                  const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
-    const int place = chunk.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
+    const int place = batch.place(pixel), i = region.left + place % 64, j = region.top + place / 64;
     NearBits own {};
     Band on_meshes = NOWHERE, on_fields = NOWHERE, others = NOWHERE;
     int ground = NEAR_SHAPES;
@@ -167,35 +167,35 @@ WARPCAM_DEVICE void list_samples(SampleBatch<Types>& chunk, int pixel, const Nea
         }
     if (SampleBatch<Types>::HAS_FIELD) {
         const bool behind = !several && is_behind<LENS>(on_fields, others, sky, pixel_width<LENS>(camera));
-        chunk.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
+        batch.ground[pixel] = static_cast<unsigned char>(behind ? ground : NEAR_SHAPES);
         for (int w = 0; w < NEAR_WORDS; ++w)
             own[w] &= behind ? ~list.fields[w] : ~0u;
     }
     for (int w = 0; w < NEAR_WORDS; ++w)
-        chunk.own[pixel][w] = own[w];
+        batch.own[pixel][w] = own[w];
     if (SampleBatch<Types>::HAS_MESH)
-        chunk.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
+        batch.meshes[pixel] = on_meshes.template widened<LENS>(pixel_width<LENS>(camera));
     if (SampleBatch<Types>::HAS_FIELD)
-        chunk.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
+        batch.fields[pixel] = on_fields.template widened<LENS>(pixel_width<LENS>(camera));
     int meshes = 0;
     for (int w = 0; w < NEAR_WORDS; ++w)
         meshes += __popc(own[w] & list.meshes[w]);
     const bool early = meshes > 1;
-    const unsigned samples = chunk.pixels[pixel].edge() & EVERY_SAMPLE;
-    int at = atomicAdd(early ? &chunk.before : &chunk.after, __popc(samples));
-    at = early ? at : SAMPLES * chunk.MOST - 1 - at;
+    const unsigned samples = batch.pixels[pixel].edge() & EVERY_SAMPLE;
+    int at = atomicAdd(early ? &batch.before : &batch.after, __popc(samples));
+    at = early ? at : SAMPLES * batch.MOST - 1 - at;
     for (int sample = 0; sample < SAMPLES; ++sample) {
-        chunk.shown[SAMPLES * pixel + sample] = ITSELF;
+        batch.shown[SAMPLES * pixel + sample] = ITSELF;
         if (samples >> sample & 1) {
-            chunk.samples[at] = static_cast<unsigned short>(SAMPLES * pixel + sample);
+            batch.samples[at] = static_cast<unsigned short>(SAMPLES * pixel + sample);
             at += early ? 1 : -1;
         }
     }
 }
 
-// Traces the samples of a chunk; each warp takes 32 at a time.
+// Traces the samples of a batch; each warp takes 32 at a time.
 template <class Types, int LENS, int IMAGES, class Rays, class Meshes, class HeightFields, class Centres>
-WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& chunk, const NearShapes& list, Rays& waiting,
+WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& batch, const NearShapes& list, Rays& waiting,
                                   const Meshes& meshes, const HeightFields& fields, const Camera& camera,
                                   const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
@@ -203,51 +203,51 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& chunk, const NearShapes& l
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
     const float near = camera.near;
     const auto ray_of = [&](int sample) {
-        const int pixel = sample / SAMPLES, at = chunk.place(pixel);
+        const int pixel = sample / SAMPLES, at = batch.place(pixel);
         const CameraRay<LENS> ray =
             sample_ray<LENS>(camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES);
-        return ClippedRay<LENS> { ray, HAS_MESH ? max(near, chunk.meshes[HAS_MESH ? pixel : 0].first) : near };
+        return ClippedRay<LENS> { ray, HAS_MESH ? max(near, batch.meshes[HAS_MESH ? pixel : 0].first) : near };
     };
     const auto show = [&](int sample, const Hit& hit) {
-        const int at = chunk.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
+        const int at = batch.place(sample / SAMPLES), i = region.left + at % 64, j = region.top + at / 64;
         const int its = sample % SAMPLES;
-        const int ground = HAS_FIELD ? chunk.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
-        chunk.shown[sample] = static_cast<unsigned char>(
+        const int ground = HAS_FIELD ? batch.ground[HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
+        batch.shown[sample] = static_cast<unsigned char>(
             hit.shape < 0
                 ? seen.nearest(i, j, its, ground < NEAR_SHAPES ? list.records[ground].origin.w : -1)
                 : shown_sample<Types, IMAGES>(seen, meshes, camera, i, j, its, hit.depth, hit.face,
-                                              list.records[hit.shape], chunk.pixels[sample / SAMPLES].edge()));
+                                              list.records[hit.shape], batch.pixels[sample / SAMPLES].edge()));
     };
     // where there are meshes, which pixel shows a sample is asked when all have been traced: for all of them at once
     const auto store = [&](int sample, const Hit& hit) {
         if constexpr (HAS_MESH) {
-            chunk.hits[sample] = { hit.depth, hit.face };
-            chunk.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
+            batch.hits[sample] = { hit.depth, hit.face };
+            batch.shown[sample] = static_cast<unsigned char>(hit.shape < 0 ? NEAR_SHAPES : hit.shape);
         } else {
             show(sample, hit);
         }
     };
     const auto next_rays = [&](int& found) {
-        const int first = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&chunk.next, WARP_SIZE) : 0, 0);
-        const int total = chunk.total();
+        const int first = __shfl_sync(FULL_WARP, lane == 0 ? atomicAdd(&batch.next, WARP_SIZE) : 0, 0);
+        const int total = batch.total();
         if (first >= total)
             return false;
         const bool active = first + lane < total;
-        const int sample = chunk.sample(active ? first + lane : first), pixel = sample / SAMPLES;
+        const int sample = batch.sample(active ? first + lane : first), pixel = sample / SAMPLES;
         const auto ray = ray_of(sample);
         Hit hit { camera.far, -1, -1 };
         NearBits around, met {};
 #pragma unroll
         for (int w = 0; w < NEAR_WORDS; ++w) {
-            around[w] = active ? chunk.own[pixel][w] : 0;
+            around[w] = active ? batch.own[pixel][w] : 0;
             if (w < words)
                 trace_own<Types, LENS>(list.records + w * WARP_SIZE, warp_reduce_or(around[w]) & ~list.meshes[w],
-                                       around[w], ray, near, fields, chunk.fields[HAS_FIELD ? pixel : 0], hit);
+                                       around[w], ray, near, fields, batch.fields[HAS_FIELD ? pixel : 0], hit);
         }
         if (active)
             store(sample, hit);
         if constexpr (HAS_MESH) {
-            const float until = min(hit.depth, chunk.meshes[pixel].last);
+            const float until = min(hit.depth, batch.meshes[pixel].last);
             bool meets = false;
 #pragma unroll
             for (int w = 0; w < NEAR_WORDS; ++w) {
@@ -267,12 +267,12 @@ WARPCAM_DEVICE void trace_samples(SampleBatch<Types>& chunk, const NearShapes& l
         trace_rays<Types>(waiting, Ranked { list.records, {}, list.count }, meshes, near, next_rays, ray_of, store);
         block_sync();
         if constexpr (Centres::PLACED) {
-            show_samples<Types, IMAGES>(chunk, list, meshes, camera, seen, region);
+            show_samples<Types, IMAGES>(batch, list, meshes, camera, seen, region);
             return;
         }
-        for (int k = threadIdx.x; k < chunk.total(); k += THREADS) {
-            const int sample = chunk.sample(k), shape = chunk.shown[sample];
-            show(sample, Hit { chunk.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, chunk.hits[sample].face });
+        for (int k = threadIdx.x; k < batch.total(); k += THREADS) {
+            const int sample = batch.sample(k), shape = batch.shown[sample];
+            show(sample, Hit { batch.hits[sample].depth, shape < NEAR_SHAPES ? shape : -1, batch.hits[sample].face });
         }
     } else {
         int none;

@@ -63,7 +63,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
         for (; !(left >> best_at & 1); order >>= 4)
             best_at = order & 15;
         left &= ~(1u << best_at);
-        constexpr int SIDED = Types::GEOMETRY & (1 << BOX | 1 << CYLINDER | 1 << HEIGHT_FIELD);
+        constexpr int SIDED = Types::GEOMETRY & (TYPES_WITH_FACES | 1 << HEIGHT_FIELD);
         const int type = record.axis_x.w;
         if (!left || !hits || !((type == MESH && face >= 0) || (SIDED >> type & 1)))
             return false;
@@ -77,8 +77,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
         unsigned apart = unlike(colour(best_at)), order = Neighborhood3x3::order(sample);
         const int type = record.axis_x.w;
-        const bool is_face = type == MESH && face >= 0,
-                   is_sided = (Types::GEOMETRY & (1 << BOX | 1 << CYLINDER)) >> type & 1;
+        const bool is_face = type == MESH && face >= 0, is_sided = (Types::GEOMETRY & TYPES_WITH_FACES) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
@@ -100,11 +99,11 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
                 return cost;
             if (is_face) {
                 const int its = int(seen.centres.target.face.data[seen.centres.of_images(pixel)]);
-                return cost + TURNED * (1.0f - dot(normal, normal_of(its)));
+                return cost + NORMAL_WEIGHT * (1.0f - dot(normal, normal_of(its)));
             }
             const auto its =
                 view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
-            return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + TURNED;
+            return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + NORMAL_WEIGHT;
         };
         float least = cost_of(best_at, MISS);
         while (true) {
@@ -126,19 +125,19 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
     }
 };
 
-// Says which pixels show all samples of a chunk. Each warp first looks at those it takes, and then, in full warps, at
+// Says which pixels show all samples of a batch. Each warp first looks at those it takes, and then, in full warps, at
 // those of which that is not told by shapes and colours.
 template <class Types, int IMAGES, int LENS, class Samples, class List, class Meshes, class Centres>
-WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes& meshes, const Camera& camera,
+WARPCAM_DEVICE void show_samples(Samples& batch, const List& list, const Meshes& meshes, const Camera& camera,
                                  const EdgeTester<LENS, Centres>& seen, const Region& region)
 {
-    static_assert(sizeof(chunk.own) >= sizeof(chunk.samples), "what is open has room where shapes were");
+    static_assert(sizeof(batch.own) >= sizeof(batch.samples), "what is open has room where shapes were");
     unsigned short* const open_of =
-        reinterpret_cast<unsigned short*>(chunk.own);  // the others, and above them the nearest
-    const int lane = threadIdx.x % WARP_SIZE, begin = threadIdx.x - lane, total = chunk.total();
+        reinterpret_cast<unsigned short*>(batch.own);  // the others, and above them the nearest
+    const int lane = threadIdx.x % WARP_SIZE, begin = threadIdx.x - lane, total = batch.total();
     using Shower = PlacedShower<Types, IMAGES, LENS, Meshes, Centres>;
     const auto shower_of = [&](int sample) {
-        const int at = chunk.place(sample / SAMPLES);
+        const int at = batch.place(sample / SAMPLES);
         return Shower { seen, meshes, camera, region.left + at % 64, region.top + at / 64, sample % SAMPLES };
     };
     const auto record_of = [&](int rank) -> const ShapeRecord& { return list.records[rank < NEAR_SHAPES ? rank : 0]; };
@@ -146,35 +145,35 @@ WARPCAM_DEVICE void show_samples(Samples& chunk, const List& list, const Meshes&
 #pragma unroll 1
     for (int first = begin; first < total; first += THREADS) {
         const bool active = first + lane < total;
-        const int sample = chunk.sample(active ? first + lane : first), rank = chunk.shown[sample];
-        const int ground = chunk.HAS_FIELD ? chunk.ground[chunk.HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
+        const int sample = batch.sample(active ? first + lane : first), rank = batch.shown[sample];
+        const int ground = batch.HAS_FIELD ? batch.ground[batch.HAS_FIELD ? sample / SAMPLES : 0] : NEAR_SHAPES;
         const int shown = rank < NEAR_SHAPES ? rank : ground;
         Shower shower = shower_of(sample);
         int best_at;
         unsigned left;
         const bool asks =
-            shower.is_open(shown < NEAR_SHAPES ? list.records[shown].origin.w : -1, chunk.hits[sample].face,
-                           rank < NEAR_SHAPES, record_of(rank), chunk.pixels[sample / SAMPLES].edge(), best_at, left);
+            shower.is_open(shown < NEAR_SHAPES ? list.records[shown].origin.w : -1, batch.hits[sample].face,
+                           rank < NEAR_SHAPES, record_of(rank), batch.pixels[sample / SAMPLES].edge(), best_at, left);
         const unsigned asking = __ballot_sync(FULL_WARP, active && asks);
         __syncwarp();
         if (asking >> lane & 1) {
             const int number = open + __popc(asking & ((1u << lane) - 1));
-            chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE) =
+            batch.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE) =
                 static_cast<unsigned short>(sample);
             open_of[sample] = static_cast<unsigned short>(left | unsigned(best_at) << 12);
         } else if (active) {
-            chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
+            batch.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
         }
         open += __popc(asking);
     }
     __syncwarp();
 #pragma unroll 1
     for (int number = lane; number < open; number += WARP_SIZE) {
-        const int sample = chunk.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE);
+        const int sample = batch.sample(begin + number / WARP_SIZE * THREADS + number % WARP_SIZE);
         const unsigned its = open_of[sample];
-        const int best_at = shower_of(sample).best(int(its >> 12), its & 0xfffu, chunk.hits[sample].depth,
-                                                   chunk.hits[sample].face, record_of(chunk.shown[sample]));
-        chunk.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
+        const int best_at = shower_of(sample).best(int(its >> 12), its & 0xfffu, batch.hits[sample].depth,
+                                                   batch.hits[sample].face, record_of(batch.shown[sample]));
+        batch.shown[sample] = static_cast<unsigned char>(best_at - (best_at >> 2));
     }
 }
 

@@ -121,10 +121,12 @@ template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, un
         cross(as_vec3(load(meshes.faces.data, row + 1)) - corner, as_vec3(load(meshes.faces.data, row + 2)) - corner));
 }
 
+constexpr int TYPES_WITH_FACES = types_with([](auto shape) { return shape.HAS_FACES; });
+
 // True if a shape, which may be none, has sides that meet in edges.
 template <class Types, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
 {
-    constexpr int SIDED = Types::GEOMETRY & (1 << MESH | 1 << BOX | 1 << CYLINDER);
+    constexpr int SIDED = Types::GEOMETRY & (1 << MESH | TYPES_WITH_FACES);
     return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
 }
 
@@ -133,13 +135,12 @@ template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const 
 {
     const Ray local = ray.local(record);
     const Vec3 p = local.origin + depth * local.direction;
-    const float x = p.x * p.x, y = p.y * p.y, z = p.z * p.z;
-    if (record.axis_x.w == CYLINDER)
-        return x + y < z;
-    return x > y && x > z ? 0 : y > z ? 1 : 2;
+    int face = 0;
+    visit_known_shape<TYPES_WITH_FACES>(record.axis_x.w, [&](auto shape) { face = shape.face_at(p); });
+    return face;
 }
 
-// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, turned) selects as
+// Selects the pixel that shows what a sample of pixel (i, j) has hit; show(sided, normal_cost) selects as
 // EdgeTester::shown() does. Two surfaces that meet in an edge are near each other in depth, but differ in colour: so
 // the selection weighs how a mesh's face is turned from those of the pixels around, and whether these show the same
 // side. `record` is that of the shape hit, `edge` the pixel's edge().
@@ -150,26 +151,26 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
-    constexpr bool SIDED = Types::has_any(BOX, CYLINDER);
+    constexpr int SIDED = Types::GEOMETRY & TYPES_WITH_FACES;
     const int type = record.axis_x.w;
     const bool is_face = Types::has(MESH) && type == MESH && face >= 0;
-    const bool is_sided = SIDED && (type == BOX || type == CYLINDER);
+    const bool is_sided = SIDED && (SIDED >> type & 1);
     const unsigned rows = as_int(record.size.z);
     Vec3 normal { 0.0f, 0.0f, 0.0f };
     if (is_face)
         normal = face_normal(meshes, rows, face);
     const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
-    const auto turned = [&](int column, int row, unsigned pixel) {
+    const auto normal_cost = [&](int column, int row, unsigned pixel) {
         if (is_face)
-            return TURNED
+            return NORMAL_WEIGHT
                    * (1.0f
                       - dot(normal, face_normal(meshes, rows,
                                                 int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
         return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
                    ? 0.0f
-                   : TURNED;
+                   : NORMAL_WEIGHT;
     };
-    return show(is_face || is_sided || type == HEIGHT_FIELD, turned);
+    return show(is_face || is_sided || type == HEIGHT_FIELD, normal_cost);
 }
 
 template <class Types, int IMAGES, int LENS, class Meshes, class Centres>
@@ -178,8 +179,8 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
                                 unsigned edge)
 {
     return shown_sample<Types>(
-        seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& turned) {
-            return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, turned);
+        seen, meshes, camera, i, j, sample, depth, face, record, edge, [&](bool sided, const auto& normal_cost) {
+            return seen.template shown<IMAGES>(i, j, sample_offset(sample), depth, record.origin.w, sided, normal_cost);
         });
 }
 

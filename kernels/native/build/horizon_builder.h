@@ -185,8 +185,8 @@ template <class Meshes> struct MeshFaces {
 
     WARPCAM_DEVICE MeshFaces(const Meshes& all, int mesh)
         : meshes(all), nodes(unsigned(wp::index(all.node_start, mesh))),
-          faces(unsigned(wp::index(all.face_start, mesh))), low(as_vec3(wp::index(all.lower, mesh))),
-          high(as_vec3(wp::index(all.upper, mesh)))
+          faces(unsigned(wp::index(all.face_start, mesh))), low(as_vec3(wp::index(all.bounds_min, mesh))),
+          high(as_vec3(wp::index(all.bounds_max, mesh)))
     {
         extent = max(max(max(abs(low.x), abs(low.y)), max(abs(low.z), abs(high.x))), max(abs(high.y), abs(high.z)));
     }
@@ -216,7 +216,7 @@ template <class Meshes> WARPCAM_DEVICE void find_horizon(const Meshes& meshes, i
     const int given = around.load_face(face, corners);
     HorizonSampler own(corners, around.extent);
     int stack[STACK + 4], height = 0;
-    if (own.axes.known)
+    if (own.axes.reliable)
         stack[height++] = 0;
     else
         own.risen = FULL_WARP;

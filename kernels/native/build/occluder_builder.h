@@ -1,12 +1,12 @@
-// Finds shutters of meshes, see shadow/occluder_boxes.h: boxes over a face, each by a thread, that go on until the mesh
-// is in the way.
+// Finds occluder boxes of meshes, see shadow/occluder_boxes.h: boxes over a face, each by a thread, that go on until
+// the mesh is in the way.
 #pragma once
 #include "build/horizon_builder.h"
 #include "shadow/occluder_boxes.h"
 
 namespace warpcam {
-constexpr int SHUTTER_TURNS = 4, SHUTTER_SLABS = 24, SHUTTER_FORMS = 5;
-constexpr int SHUTTER_VISITS = 8192;  // of nodes and leaves, for one box
+constexpr int OCCLUDER_TURNS = 4, OCCLUDER_SLABS = 24, OCCLUDER_FORMS = 5;
+constexpr int OCCLUDER_VISITS = 8192;  // of nodes and leaves, for one box
 
 // A box over a face: an end above it and one below, and how far it goes across and up in several forms.
 struct OccluderCandidate {
@@ -15,18 +15,18 @@ struct OccluderCandidate {
     FaceAxes axes;
     Vec3 center;
     float low, high, inner, slack;
-    float reach[SHUTTER_FORMS];
+    float reach[OCCLUDER_FORMS];
 
     WARPCAM_DEVICE static float form(int number)  // how much wider than a square
     {
-        constexpr float forms[SHUTTER_FORMS] = { 1.0f / WIDEST, 0.63f, 1.0f, 1.6f, WIDEST };
+        constexpr float forms[OCCLUDER_FORMS] = { 1.0f / WIDEST, 0.63f, 1.0f, 1.6f, WIDEST };
         return forms[number];
     }
 
     WARPCAM_DEVICE float widest() const
     {
         float most = 0.0f;
-        for (int k = 0; k < SHUTTER_FORMS; ++k)
+        for (int k = 0; k < OCCLUDER_FORMS; ++k)
             most = max(most, reach[k]);
         return most;
     }
@@ -34,11 +34,11 @@ struct OccluderCandidate {
     // Ends the box before an object that lies at least so far across and up.
     WARPCAM_DEVICE void end_at(float across, float up)
     {
-        for (int k = 0; k < SHUTTER_FORMS; ++k)
+        for (int k = 0; k < OCCLUDER_FORMS; ++k)
             reach[k] = min(reach[k], max(across / form(k), up * form(k)));
     }
 
-    WARPCAM_DEVICE static float least_magnitude(float from, float to) { return max(max(from, -to), 0.0f); }
+    WARPCAM_DEVICE static float min_abs(float from, float to) { return max(max(from, -to), 0.0f); }
 
     // True if an object in a box may be in the way.
     WARPCAM_DEVICE bool may_meet(Vec3 low_corner, Vec3 high_corner) const
@@ -48,9 +48,9 @@ struct OccluderCandidate {
         const float z = out(axes.normal), x = out(axes.along), y = out(axes.across);
         if (at.z - z > high + slack || at.z + z < low - slack)
             return false;
-        const float across = least_magnitude(at.x - x, at.x + x), up = least_magnitude(at.y - y, at.y + y);
+        const float across = min_abs(at.x - x, at.x + x), up = min_abs(at.y - y, at.y + y);
         bool meets = false;
-        for (int k = 0; k < SHUTTER_FORMS; ++k)
+        for (int k = 0; k < OCCLUDER_FORMS; ++k)
             meets |= max(across / form(k), up * form(k)) < reach[k];
         return meets;
     }
@@ -64,7 +64,7 @@ struct OccluderCandidate {
         HorizonSampler::bounds(places, from, to);
         if (from.z > high + slack || to.z < low - slack)
             return;
-        const float across = least_magnitude(from.x, to.x), up = least_magnitude(from.y, to.y);
+        const float across = min_abs(from.x, to.x), up = min_abs(from.y, to.y);
         const bool within = from.z > low + slack && to.z < high - slack;
         if (!within || open)
             end_at(across, up);
@@ -92,14 +92,14 @@ struct OccluderCandidate {
 struct Way {
     int turn, slab;
 
-    WARPCAM_DEVICE explicit Way(int number) : turn(number % SHUTTER_TURNS), slab(number / SHUTTER_TURNS) {}
+    WARPCAM_DEVICE explicit Way(int number) : turn(number % OCCLUDER_TURNS), slab(number / OCCLUDER_TURNS) {}
 };
 
 // A box over a mesh's face, in leaf order, as far as it goes: how much it is worth, and its rows, if there is room for
 // them.
-template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutter(const Meshes& meshes,
-                                                                                  const Open& open, int mesh, int face,
-                                                                                  Way way, int at, const Rows& rows)
+template <class Meshes, class Open, class Rows>
+WARPCAM_DEVICE float find_occluder_box(const Meshes& meshes, const Open& open, int mesh, int face, Way way, int at,
+                                       const Rows& rows)
 {
     const MeshFaces<Meshes> around(meshes, mesh);
     const Vec3 sides = around.high - around.low;
@@ -108,7 +108,7 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     const int given = around.load_face(face, corners);
     OccluderCandidate box;
     FaceAxes axes = face_axes(corners[0], corners[1], corners[2]);
-    if (!axes.known)
+    if (!axes.reliable)
         return 0.0f;
     // along a side of the mesh's own box, then turned
     const Vec3 n = axes.normal;
@@ -118,7 +118,7 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
                                        : Vec3 { 0.0f, 0.0f, 1.0f };
     const Vec3 first = cross(n, flat);
     const Vec3 side = rsqrt(max(dot(first, first), MIN_NORMAL)) * first, other = cross(n, side);
-    const float angle = 1.5707964f / SHUTTER_TURNS * float(way.turn);
+    const float angle = 1.5707964f / OCCLUDER_TURNS * float(way.turn);
     axes.along = wp::cos(angle) * side + wp::sin(angle) * other;
     axes.across = cross(n, axes.along);
     box.axes = axes;
@@ -137,13 +137,13 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     const int side_of_face = way.slab % 3;
     box.low = side_of_face == 0 ? -thick : side_of_face == 1 ? -thin : -0.5f * thick;
     box.high = side_of_face == 0 ? thin : side_of_face == 1 ? thick : 0.5f * thick;
-    for (int k = 0; k < SHUTTER_FORMS; ++k)
+    for (int k = 0; k < OCCLUDER_FORMS; ++k)
         box.reach[k] = size;
     const float depth = box.high - box.low;
     int stack[STACK + 4], height = 0;
     stack[height++] = 0;
     for (int visits = 0; height > 0 && box.widest() > depth; ++visits) {
-        if (visits == SHUTTER_VISITS)  // so much lies in it that it is not worth the search
+        if (visits == OCCLUDER_VISITS)  // so much lies in it that it is not worth the search
             return 0.0f;
         const int node = stack[--height];
         if (node < 0) {
@@ -161,7 +161,7 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
         }
     }
     float best = 0.0f, across = 0.0f, up = 0.0f;
-    for (int k = 0; k < SHUTTER_FORMS; ++k) {
+    for (int k = 0; k < OCCLUDER_FORMS; ++k) {
         const float half_across = box.reach[k] * OccluderCandidate::form(k) - box.slack,
                     half_up = box.reach[k] / OccluderCandidate::form(k) - box.slack;
         const float area = max(half_across - depth, 0.0f) * max(half_up - depth, 0.0f);  // of what slanting rays pass
@@ -176,9 +176,9 @@ template <class Meshes, class Open, class Rows> WARPCAM_DEVICE float find_shutte
     const Vec3 middle = box.center + 0.5f * (box.low + box.high) * n;
     const auto row = [&](int number, Vec3 axis, float half) {
         const float rate = 1.0f / half;
-        reinterpret_cast<Float3Int*>(rows.data)[SHUTTER_ROWS * at + number] = { rate * axis.x, rate * axis.y,
-                                                                                rate * axis.z,
-                                                                                as_int(-rate * dot(axis, middle)) };
+        reinterpret_cast<Float3Int*>(rows.data)[OCCLUDER_ROWS * at + number] = { rate * axis.x, rate * axis.y,
+                                                                                 rate * axis.z,
+                                                                                 as_int(-rate * dot(axis, middle)) };
     };
     row(0, axes.along, across);
     row(1, axes.across, up);

@@ -18,7 +18,7 @@ struct ViewSpan {
     }
 };
 
-constexpr int ROUND_TYPES = 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << CYLINDER;
+constexpr int ROUND_TYPES = types_with([](auto shape) { return shape.IS_ROUND; });
 
 // Bounds of a round shape, which lies between two equal ellipsoids: these are half a sphere's or a disk's length from
 // its middle, or coincide. An ellipsoid at `at` with half axes w spans the cone that touches it. `center`: of its box,
@@ -26,7 +26,8 @@ constexpr int ROUND_TYPES = 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << C
 template <int LENS>
 WARPCAM_DEVICE void span_round(int type, Vec3 center, float depth, const Mat3& m, Vec3 e, ViewSpan& span)
 {
-    const Vec3 half { e.x, e.y, type == CAPSULE ? e.x : type == CYLINDER ? 0.0f : e.z };
+    Vec3 half = e;
+    visit_shape<ROUND_TYPES>(type, [&](auto shape) { half.z = shape.end_extent(e); });
     const float length = e.z - half.z;
     const Vec3 x { half.x * m.at[0][0], half.y * m.at[1][0], half.z * m.at[2][0] };
     const Vec3 y { half.x * m.at[0][1], half.y * m.at[1][1], half.z * m.at[2][1] };

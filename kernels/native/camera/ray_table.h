@@ -5,7 +5,7 @@
 // them stands a cone for each tile of 8 x 4 pixels that holds the tile's rays: its axis and the cosine of its half
 // angle.
 //
-// A table of spread rays has a ball in which all of them begin, its middle in the camera's frame and its radius; for
+// A table of offset rays has a ball in which all of them begin, its middle in the camera's frame and its radius; for
 // each tile the cone and such a ball; and for each pixel two rows.
 #pragma once
 #include "camera/offset_rays.h"
@@ -15,12 +15,8 @@ namespace warpcam {
 constexpr float NO_RAY = 1.0e18f;  // what is greater are the coordinates of a pixel that sees nothing
 constexpr int TILE_WIDTH = 8, TILE_HEIGHT = 4;  // pixels; one warp
 
-struct Mat3 {
-    float at[3][3];
-};
-
 // One camera in one world (types.py, View). With a table scale_x has the bits of the image's width + 65536 * height,
-// scale_y the angle between neighbouring rays, of spread ones and how far apart they begin, and center_x and center_y
+// scale_y the angle between neighbouring rays, of offset ones and how far apart they begin, and center_x and center_y
 // the bits of the table's address.
 struct Camera {
     Vec3 origin;
@@ -61,7 +57,7 @@ WARPCAM_DEVICE CameraRay<RAY_TABLE_WITH_ORIGINS> spread_ray(const Camera& camera
     const int width = table_width(camera), height = table_height(camera);
     const int column = i < 0 ? 0 : min(i, width - 1), row = j < 0 ? 0 : min(j, height - 1);
     const Float3Int* const rays = tile_starts(camera, 0, tiles_down(camera));
-    return CameraRay<RAY_TABLE_WITH_ORIGINS>::of(rays + SPREAD_ROWS * size_t(row * width + column), sample);
+    return CameraRay<RAY_TABLE_WITH_ORIGINS>::of(rays + OFFSET_RAY_ROWS * size_t(row * width + column), sample);
 }
 
 // Ray of the image's nearest pixel.
@@ -102,8 +98,8 @@ template <int LENS> WARPCAM_DEVICE CameraRay<LENS> view_ray(const Camera& camera
 }
 
 // True if a pixel has no ray.
-WARPCAM_DEVICE bool is_blind(const CameraRay<RAYS>& ray) { return ray.x >= NO_RAY; }
-WARPCAM_DEVICE bool is_blind(const CameraRay<RAY_TABLE_WITH_ORIGINS>& ray) { return ray.blind(); }
+WARPCAM_DEVICE bool sees_nothing(const CameraRay<RAYS>& ray) { return ray.x >= NO_RAY; }
+WARPCAM_DEVICE bool sees_nothing(const CameraRay<RAY_TABLE_WITH_ORIGINS>& ray) { return ray.sees_nothing(); }
 
 // The ray of a sample of pixel (i, j).
 template <int LENS> WARPCAM_DEVICE CameraRay<LENS> sample_ray(const Camera& camera, int i, int j, int sample)
@@ -138,7 +134,7 @@ template <int LENS, class Number> WARPCAM_DEVICE Number widths_at(Number depth)
 }
 
 // A camera with a table as one of its pixels has it: its ray, and how that changes to the next pixel across, in scale_x
-// and scale_y, and down, in center_x and center_y. Of a spread ray that is asked of the ray.
+// and scale_y, and down, in center_x and center_y. Of an offset ray that is asked of the ray.
 struct PixelCamera : Camera {
     float x, y;
 };

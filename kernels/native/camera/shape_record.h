@@ -1,11 +1,9 @@
 // A shape as one view sees it: the record every ray of the view is tested against.
 #pragma once
-#include "core/platform.h"
+#include "core/mat3.h"
+#include "shapes/analytic_shapes.h"
 
 namespace warpcam {
-
-// Values of types.py and, as bits, of GeometryFlag in flags.py.
-enum ShapeType { PLANE, HEIGHT_FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH, CONE, BARREL, SPLATS };
 
 // Features of a scene, as bits those of SceneFlag in flags.py.
 enum SceneFeature {
@@ -37,8 +35,8 @@ template <int GEOMETRY_, int FEATURES_> struct SceneTypes {
     template <class... Types> static constexpr bool has_any(Types... types) { return (has(types) || ...); }
 };
 
-// RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own, see
-// camera/offset_rays.h.
+// RAYS: from a table, see camera/ray_table.h; RAY_TABLE_WITH_ORIGINS: likewise, and each begins at a place of its own,
+// see camera/offset_rays.h.
 enum Lens { PINHOLE, ORTHOGRAPHIC, RAYS, RAY_TABLE_WITH_ORIGINS };
 
 // Rays that have unit directions, and distances along them in place of planar depths.
@@ -114,10 +112,7 @@ template <int LENS> struct CameraRay {
     {
         const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z, o = record.origin;
         if constexpr (LENS == RAYS) {
-            const Vec3 d = direction();
-            return { { o.x, o.y, o.z },
-                     { ax.x * d.x + ax.y * d.y + ax.z * d.z, ay.x * d.x + ay.y * d.y + ay.z * d.z,
-                       az.x * d.x + az.y * d.y + az.z * d.z } };
+            return { { o.x, o.y, o.z }, transform_rows(record, direction()) };
         }
         if (LENS == ORTHOGRAPHIC)
             return { { o.x + ax.x * x + ax.y * y, o.y + ay.x * x + ay.y * y, o.z + az.x * x + az.y * y },

@@ -9,9 +9,7 @@ template <class View> WARPCAM_DEVICE Camera load_camera(const View& view)
 {
     Camera c;
     c.origin = { view.origin[0], view.origin[1], view.origin[2] };
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            c.rotation.at[i][j] = view.rotation.data[i][j];
+    c.rotation = as_mat3(view.rotation);
     c.scale_x = view.scale[0];
     c.scale_y = view.scale[1];
     c.center_x = view.center[0];
@@ -27,14 +25,8 @@ struct LocalBounds {
     Vec3 center, half;
 };
 
-WARPCAM_DEVICE Vec3 transform_transposed(const Mat3& m, Vec3 v)  // transpose(m) v
-{
-    return { m.at[0][0] * v.x + m.at[1][0] * v.y + m.at[2][0] * v.z,
-             m.at[0][1] * v.x + m.at[1][1] * v.y + m.at[2][1] * v.z,
-             m.at[0][2] * v.x + m.at[1][2] * v.y + m.at[2][2] * v.z };
-}
-
-enum Visible { HIDDEN, SEEN, BROKEN };  // BROKEN: a pose or size that is not a number
+// BROKEN: a pose or size is not finite. FORMLESS: its rotation is 0, or nothing of its size is above 0.
+enum Visible { HIDDEN, SEEN, BROKEN, FORMLESS };
 
 struct Shape {
     int type, id, asset;
@@ -42,43 +34,14 @@ struct Shape {
     Mat3 rotation;
 };
 
-// The half widths of an analytic shape's box, and the scale that makes it a unit shape. False for sizes that are
-// not positive: such a shape is not drawn.
-template <class Types> WARPCAM_DEVICE bool unit_shape(const Shape& shape, LocalBounds& extent, Vec3& scale)
-{
-    const Vec3 s = shape.size;
-    Vec3 e = s;
-    if (shape.type == SPHERE)
-        e = { s.x, s.x, s.x };
-    else if (shape.type == CAPSULE)
-        e = { s.x, s.x, s.x + s.y };
-    else if (shape.type == CYLINDER || (Types::has(CONE) && shape.type == CONE))
-        e = { s.x, s.x, s.y };
-    if (Types::has(BARREL) && shape.type == BARREL) {  // half a length of the arc lies outside of the ends' radius
-        const float arc = max(s.z, s.y),
-                    belly = s.x + (s.z > 0.0f ? s.y * s.y / (arc + sqrt(arc * arc - s.y * s.y)) : 0.0f);
-        extent = { { 0.0f, 0.0f, 0.0f }, { belly, belly, s.y } };
-        const float rate = 1.0f / s.x;
-        scale = { rate, rate, rate };
-        return s.x > 0.0f && s.y > 0.0f;
-    }
-    extent = { { 0.0f, 0.0f, 0.0f }, e };
-    if (!(e.x > 0.0f && e.y > 0.0f && e.z > 0.0f))
-        return false;
-    const float sx = 1.0f / e.x;
-    scale = { sx, shape.type == CAPSULE ? sx : 1.0f / e.y, shape.type == CAPSULE ? sx : 1.0f / e.z };
-    return true;
-}
-
-constexpr float STRAIGHT = 1.0e9f;  // radius of an arc that is a line
-
 WARPCAM_DEVICE LocalBounds stretched_by(const LocalBounds& e, Vec3 s)
 {
     return { { e.center.x * s.x, e.center.y * s.y, e.center.z * s.z },
              { e.half.x * abs(s.x), e.half.y * abs(s.y), e.half.z * abs(s.z) } };
 }
 
-// Type-specific part: box, scale and size row. False if the shape draws nothing.
+// Type-specific part: box, scale and size row. False if the shape draws nothing, as those with sizes that are not
+// positive.
 template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const HeightFields& fields,
                                  LocalBounds& extent, Vec3& scale, ShapeRecord& record)
@@ -96,7 +59,7 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
     if (Types::has(MESH) && shape.type == MESH) {
         if (asset < 0)
             return false;
-        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         extent.center = { 0.5f * (lo[0] + hi[0]), 0.5f * (lo[1] + hi[1]), 0.5f * (lo[2] + hi[2]) };
         extent.half = { 0.5f * (hi[0] - lo[0]), 0.5f * (hi[1] - lo[1]), 0.5f * (hi[2] - lo[2]) };
         record.size.x = max(max(abs(lo[0]), abs(hi[0])), max(max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2]))));
@@ -120,21 +83,16 @@ WARPCAM_DEVICE bool shape_bounds(const Shape& shape, const Meshes& meshes, const
             extent = stretched_by(extent, stretch);
         return true;
     }
-    if (Types::has(PLANE) && shape.type == PLANE) {
-        record.size.x = shape.size.x < MISS ? shape.size.x : 0.0f;
-        record.size.y = shape.size.y < MISS ? shape.size.y : 0.0f;
-        const bool finite = record.size.x > 0.0f && record.size.y > 0.0f;
-        extent = { { 0.0f, 0.0f, 0.0f }, { finite ? record.size.x : -1.0f, record.size.y, 0.0f } };
-        return true;
-    }
-    if (!unit_shape<Types>(shape, extent, scale))
-        return false;
-    record.size.x = shape.type == CAPSULE ? shape.size.y * scale.x : 0.0f;
-    if (Types::has(BARREL) && shape.type == BARREL) {
-        record.size.x = shape.size.y * scale.x;
-        record.size.y = shape.size.z > 0.0f ? max(shape.size.z, shape.size.y) * scale.x : STRAIGHT;
-    }
-    return true;
+    bool valid = false;
+    visit_shape<Types::GEOMETRY>(shape.type, [&](auto traits) {
+        extent = { { 0.0f, 0.0f, 0.0f }, traits.half_extents(shape.size) };
+        valid = traits.is_valid(shape.size, extent.half);
+        scale = traits.unit_scale(shape.size, extent.half);
+        const Vec3 size = traits.unit_size(shape.size, scale);
+        record.size.x = size.x;
+        record.size.y = size.y;
+    });
+    return valid;
 }
 
 // First and last tile along one axis whose pixel centres lie between two image coordinates.
@@ -264,11 +222,17 @@ WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const
     for (int i = 0; i < 3; ++i)
         sum += shape.rotation.at[i][0] + shape.rotation.at[i][1] + shape.rotation.at[i][2];
     const float sizes = shape.size.x + shape.size.y + shape.size.z;
-    if (!(abs(sum) < MISS) || sizes != sizes)
+    if (!(abs(sum) < MISS) || sizes != sizes || (shape.type != PLANE && !(abs(sizes) < MISS)))
         return BROKEN;
     form.extent = {};
     record.size = { 0.0f, 0.0f, 0.0f, 0 };
-    return shape_bounds<Types>(shape, meshes, fields, form.extent, form.scale, record) ? SEEN : HIDDEN;
+    if (shape_bounds<Types>(shape, meshes, fields, form.extent, form.scale, record)) {
+        const auto& turn = shape.rotation.at;
+        return abs(turn[0][0]) + abs(turn[1][0]) + abs(turn[2][0]) > 0.0f ? SEEN : FORMLESS;
+    }
+    const bool has_asset = shape.type == MESH || shape.type == HEIGHT_FIELD;
+    const bool sized = !has_asset || (Types::has(PER_SHAPE_SCALE) && shape.asset >= 0);
+    return sized && max(max(shape.size.x, shape.size.y), shape.size.z) <= 0.0f ? FORMLESS : HIDDEN;
 }
 
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four
@@ -283,12 +247,7 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
     const Vec3 away { camera.origin.x - shape.position.x, camera.origin.y - shape.position.y,
                       camera.origin.z - shape.position.z };
     Vec3 o = transform_transposed(shape.rotation, away);
-    Mat3 m;  // camera to shape
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            m.at[i][j] = shape.rotation.at[0][i] * camera.rotation.at[0][j]
-                         + shape.rotation.at[1][i] * camera.rotation.at[1][j]
-                         + shape.rotation.at[2][i] * camera.rotation.at[2][j];
+    Mat3 m = transposed_times(shape.rotation, camera.rotation);  // camera to shape
     if constexpr (Types::has(PLANES_FROM_BEHIND)) {
         // turned about its x axis, such a plane faces the camera
         if (shape.type == PLANE && (LENS == ORTHOGRAPHIC ? m.at[2][2] : o.z) < 0.0f) {
@@ -316,10 +275,7 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
             distances(offset, e, nearest, farthest);
         if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
             const Float3Int s = all_starts(camera);
-            const Vec3 from { m.at[0][0] * s.x + m.at[0][1] * s.y + m.at[0][2] * s.z,
-                              m.at[1][0] * s.x + m.at[1][1] * s.y + m.at[1][2] * s.z,
-                              m.at[2][0] * s.x + m.at[2][1] * s.y + m.at[2][2] * s.z };
-            distances({ offset.x - from.x, offset.y - from.y, offset.z - from.z }, e, nearest, farthest);
+            distances(offset - transform(m, as_vec3(s)), e, nearest, farthest);
             nearest = max(nearest - as_float(s.w), 0.0f);
             farthest += as_float(s.w);
         }

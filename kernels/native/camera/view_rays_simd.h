@@ -10,10 +10,10 @@ namespace warpcam {
 struct OffsetRay8 {
     Vec3x8 start, direction;
 
-    void put(int k, const OffsetRay& beam)
+    void put(int k, const OffsetRay& offset_ray)
     {
-        set_lane(start, k, beam.start);
-        set_lane(direction, k, beam.direction);
+        set_lane(start, k, offset_ray.start);
+        set_lane(direction, k, offset_ray.direction);
     }
 };
 
@@ -26,32 +26,32 @@ template <int WIDTH> inline bool in_one_row(const short* pixels, int count)
     return count == SIMD_WIDTH && in_a_row(pixels) && pixels[0] % WIDTH + SIMD_WIDTH <= WIDTH;
 }
 
-template <int LENS> inline void beams_of(Float8 x, Float8 y, OffsetRay8& beams)
+template <int LENS> inline void offset_rays_of(Float8 x, Float8 y, OffsetRay8& offset_rays)
 {
     const Float8 none = 0.0f, one = 1.0f;
-    beams.start = { none, none, none };
+    offset_rays.start = { none, none, none };
     if constexpr (LENS == PINHOLE) {
-        beams.direction = { x, y, -one };
+        offset_rays.direction = { x, y, -one };
     } else if constexpr (LENS == ORTHOGRAPHIC) {
-        beams = { { x, y, none }, { none, none, -one } };
+        offset_rays = { { x, y, none }, { none, none, -one } };
     } else if constexpr (LENS == RAYS) {
         const Float8 rate = 2.0f * rcp(1.0f + x * x + y * y);
-        beams.direction = { rate * x, rate * y, one - rate };
+        offset_rays.direction = { rate * x, rate * y, one - rate };
     } else {
         const float* rows[SIMD_WIDTH];
         for (int k = 0; k < SIMD_WIDTH; ++k)
             rows[k] = reinterpret_cast<const float*>(CameraRay<LENS> { x[k], y[k] }.own_rows());
         const Float8x4 start = columns_of(rows, 0), along = columns_of(rows, sizeof(Float3Int) / sizeof(float));
-        beams = { { start.a, start.b, start.c }, { along.a, along.b, along.c } };
+        offset_rays = { { start.a, start.b, start.c }, { along.a, along.b, along.c } };
     }
 }
 
-template <int LENS> inline Vec3x8 places_on(const OffsetRay8& beams, Float8 depth)
+template <int LENS> inline Vec3x8 places_on(const OffsetRay8& offset_rays, Float8 depth)
 {
     if constexpr (has_centre(LENS))
-        return depth * beams.direction;
+        return depth * offset_rays.direction;
     else
-        return beams.start + depth * beams.direction;
+        return offset_rays.start + depth * offset_rays.direction;
 }
 
 inline void load_pairs(const Float2* from, Float8& x, Float8& y)
@@ -72,7 +72,7 @@ template <> struct TableEntry<RAY_TABLE_WITH_ORIGINS> {
 };
 
 // Rays of a table, row after row of the image; ENTRIES a pixel.
-template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? SPREAD_ROWS : 1;
+template <int LENS> constexpr int ENTRIES = LENS == RAY_TABLE_WITH_ORIGINS ? OFFSET_RAY_ROWS : 1;
 template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(const Camera& camera)
 {
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
@@ -82,7 +82,7 @@ template <int LENS> inline const typename TableEntry<LENS>::type* table_entries(
 }
 
 // The rays of a table from pixel (i, j) on, of those in the image that are nearest.
-template <int LENS> inline void beams_from(const Camera& camera, int i, int j, OffsetRay8& beams)
+template <int LENS> inline void offset_rays_from(const Camera& camera, int i, int j, OffsetRay8& offset_rays)
 {
     Float8 x, y;
     const int width = table_width(camera);
@@ -95,7 +95,7 @@ template <int LENS> inline void beams_from(const Camera& camera, int i, int j, O
             y[k] = ray.y;
         }
     }
-    beams_of<LENS>(x, y, beams);
+    offset_rays_of<LENS>(x, y, offset_rays);
 }
 
 // The rays of some rows of a region, whose pixels have numbers, WIDTH of them a row.

@@ -24,7 +24,7 @@ struct Slope {
 // Plane history of a region of 64x64 pixels, in parts of 8x8.
 struct FlowFloor {
     static constexpr int SIZE = 64, PART = 8, PARTS = SIZE * SIZE / (PART * PART);
-    static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are brief
+    static constexpr int NONE = 255, OUTSIDE = 256;  // no shape has that id where words are short
 
     // A byte a part: 1 where it shows nothing but the floor. Of all that was seen, of what is seen in the same order,
     // and of the region's. Of images of one region that is known by constants, the words of such parts are not kept.

@@ -42,14 +42,7 @@ WARPCAM_DEVICE float steps_of(int kind, const ShapePose& pose, const Camera& cam
     if (kind == PLANE)
         return 0.0f;
     Vec3 half = pose.size;
-    if (kind == SPHERE)
-        half = { half.x, half.x, half.x };
-    else if (kind == CAPSULE)
-        half = { half.x, half.x, half.x + half.y };
-    else if (kind == CYLINDER || kind == CONE)
-        half = { half.x, half.x, half.y };
-    else if (kind == BARREL)  // its side is bent by less than its half length
-        half = { half.x + half.y, half.x + half.y, half.y };
+    visit_shape<ANALYTIC_TYPES>(kind, [&](auto shape) { half = shape.half_extents(pose.size); });
     const Vec3 axis { camera.rotation.at[0][2], camera.rotation.at[1][2], camera.rotation.at[2][2] };
     const Vec3 along = transform_transposed(pose.rotation, axis);
     const float radius = abs(along.x) * half.x + abs(along.y) * half.y + abs(along.z) * half.z;
@@ -66,12 +59,9 @@ WARPCAM_DEVICE Vec3 stretch(int kind, Vec3 previous, Vec3 now, bool scaled)
 {
     if (same_vec(previous, now) || kind == PLANE || ((kind == MESH || kind == HEIGHT_FIELD) && !scaled))
         return { 1.0f, 1.0f, 1.0f };
-    const float x = ratio(previous.x, now.x), y = ratio(previous.y, now.y);
-    if (kind == SPHERE)
-        return { x, x, x };
-    if (kind == CAPSULE || kind == CYLINDER || kind == CONE || kind == BARREL)
-        return { x, x, y };
-    return { x, y, ratio(previous.z, now.z) };
+    Vec3 along { ratio(previous.x, now.x), ratio(previous.y, now.y), ratio(previous.z, now.z) };
+    visit_shape<ANALYTIC_TYPES>(kind, [&](auto shape) { along = shape.axes(along); });
+    return along;
 }
 
 WARPCAM_DEVICE void put_row(Float3Int* rows, int row, Vec3 v, float w)
@@ -106,10 +96,7 @@ template <class Shapes> WARPCAM_DEVICE ShapePose pose_now(const Shapes& shapes, 
 {
     ShapePose pose;
     pose.position = as_vec3(wp::index(shapes.positions, world, shape));
-    const auto r = wp::index(shapes.rotations, world, shape);
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            pose.rotation.at[i][j] = r.data[i][j];
+    pose.rotation = as_mat3(wp::index(shapes.rotations, world, shape));
     pose.size = as_vec3(per_world(shapes.sizes, world, shape));
     pose.asset = per_world(shapes.assets, world, shape);
     return pose;

@@ -28,7 +28,7 @@ constexpr float TO_WHOLE = 12582912.0f;
 
 // Packed word of a pixel: shape in the upper bits, all ones where nothing is visible; depth in the lower bits. `last`:
 // the fourth of the shape's rows.
-template <bool BRIEF> struct PackedVisibility;
+template <bool SHORT> struct PackedVisibility;
 
 // The depth is 16 bits of its float, five of the exponent, which is enough for 15 um to 65 km.
 template <> struct PackedVisibility<false> {
@@ -119,8 +119,8 @@ WARPCAM_DEVICE unsigned settled(bool condition)
     return number;
 }
 
-// FlowHistory.frame_state: what was seen is kept in the first or the second of two places, what is seen goes to the other; or
-// nothing is known of what was. Values of views.py.
+// FlowHistory.frame_state: what was seen is kept in the first or the second of two places, what is seen goes to the
+// other; or nothing is known of what was. Values of views.py.
 enum Known { SECOND = 1, FIRST = 2, NEW = 4 };
 
 // Copies 16 bytes to shared memory, where they are once the thread has waited for its copies.
@@ -163,7 +163,7 @@ struct VisibilityHistory {
     using Keeps = PackedVisibility<(WANTED & FLOW_COMPACT) != 0>;
     using Word = typename Keeps::Word;
     static constexpr int ROWS = motion_rows<(WANTED & FLOW_MOVES) != 0>();
-    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED, PAINTS = false;
+    static constexpr bool WHOLE = WIDTH > 0, LISTED = SHAPES > 0, LOOKS_AT_FLOORS = FLOORED, WRITES_ALBEDO = false;
 
     const Word* words;
     Word* kept;

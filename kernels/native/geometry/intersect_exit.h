@@ -4,34 +4,25 @@
 
 namespace warpcam {
 
-// MISS where the ray misses. Of planes, cones and barrels always.
-template <int TYPE, class Vector>
-WARPCAM_DEVICE NumberOf<Vector> intersect_exit(const ShapeRecord& record, Vector o, Vector d)
+constexpr int TYPES_WITH_EXIT = types_with([](auto shape) { return shape.HAS_EXIT; });
+
+// MISS where the ray misses, and of shapes without HAS_EXIT.
+template <class Shape, class Vector>
+WARPCAM_DEVICE NumberOf<Vector> intersect_exit(Shape, const ShapeRecord& record, Vector o, Vector d)
 {
-    if (TYPE == PLANE || TYPE == CONE || TYPE == BARREL)
+    if constexpr (!Shape::HAS_EXIT)
         return MISS;
-    const auto t = enter<TYPE>(record, o, -d);
+    const auto t = Shape::intersect(record.size, o, -d);
     return t < MISS ? -t : MISS;
-}
-template <int TYPE> WARPCAM_DEVICE float intersect_exit(const ShapeRecord& record, Ray ray)
-{
-    return intersect_exit<TYPE>(record, ray.origin, ray.direction);
 }
 
 // Exit point from a shape whose type is known at run time only, out of a set known at compile time.
 template <int GEOMETRY> WARPCAM_DEVICE float intersect_exit_any(const ShapeRecord& record, Ray ray)
 {
-    const int type = record.axis_x.w;
-#define WARPCAM_TRY(TYPE)                                                                                              \
-    if ((GEOMETRY >> TYPE & 1) && type == TYPE)                                                                        \
-        return intersect_exit<TYPE>(record, ray);
-    WARPCAM_TRY(SPHERE)
-    WARPCAM_TRY(CAPSULE)
-    WARPCAM_TRY(ELLIPSOID)
-    WARPCAM_TRY(CYLINDER)
-    WARPCAM_TRY(BOX)
-#undef WARPCAM_TRY
-    return MISS;
+    float t = MISS;
+    visit_shape<GEOMETRY & TYPES_WITH_EXIT>(
+        record.axis_x.w, [&](auto shape) { t = intersect_exit(shape, record, ray.origin, ray.direction); });
+    return t;
 }
 
 }  // namespace warpcam

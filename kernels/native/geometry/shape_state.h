@@ -61,9 +61,7 @@ template <class Shapes> WARPCAM_DEVICE Shape load_shape(const Shapes& shapes, in
     const auto size = per_world(shapes.sizes, world, id);
     s.position = { p[0], p[1], p[2] };
     s.size = { size[0], size[1], size[2] };
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            s.rotation.at[i][j] = r.data[i][j];
+    s.rotation = as_mat3(r);
     return s;
 }
 

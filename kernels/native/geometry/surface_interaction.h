@@ -17,20 +17,14 @@ struct ShapeFromCamera {
     WARPCAM_DEVICE Vec3 eye() const { return { as_float(axis_x.w), as_float(axis_y.w), as_float(axis_z.w) }; }
     template <class Vector = Vec3> WARPCAM_DEVICE Vector local(Vector v) const  // of a direction in the camera's frame
     {
-        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
-                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
+        return transform_rows(*this, v);
     }
     template <class Vector = Vec3>
     WARPCAM_DEVICE Vector seen(Vector v) const  // a direction of the shape's in the camera's frame
     {
-        return { axis_x.x * v.x + axis_y.x * v.y + axis_z.x * v.z, axis_x.y * v.x + axis_y.y * v.y + axis_z.y * v.z,
-                 axis_x.z * v.x + axis_y.z * v.y + axis_z.z * v.z };
+        return transform_rows_transposed(*this, v);
     }
 };
-
-// Parts of a shape that are normal to, or mapped, in their own ways. A box has its three axes instead, 0 to 2; the TOP
-// of a height field is its triangles.
-enum SurfacePart { SIDE, TOP, BOTTOM };
 
 // A face of a mesh or a height field: its first corner, and from there to the others.
 template <class Vector> struct TriangleOf {
@@ -49,79 +43,6 @@ template <class Vector> struct SurfaceInteractionOf {
 
 using Triangle = TriangleOf<Vec3>;
 using SurfaceInteraction = SurfaceInteractionOf<Vec3>;
-
-// On each axis a ray can enter by one side only; the hit is on the nearest of the three.
-template <class Vector> WARPCAM_DEVICE void box_surface(Vec3 half, Vector ray, SurfaceInteractionOf<Vector>& surface)
-{
-    using Int = IntOf<Vector>;
-    const auto x = abs(half.x + sign(ray.x) * surface.local.x);
-    const auto y = abs(half.y + sign(ray.y) * surface.local.y);
-    const auto z = abs(half.z + sign(ray.z) * surface.local.z);
-    const Int axis = y < x ? (z < y ? (Int)2 : (Int)1) : (z < x ? (Int)2 : (Int)0);
-    surface.part = axis;
-    surface.normal = axis_vector(axis, -sign(component(ray, axis)));
-}
-
-// The side, or the cap by which the ray can enter, whichever is nearer to the hit.
-template <class Vector>
-WARPCAM_DEVICE void cylinder_surface(float radius, float half_length, Vector ray, SurfaceInteractionOf<Vector>& surface)
-{
-    using Number = NumberOf<Vector>;
-    using Int = IntOf<Vector>;
-    const Vector p = surface.local;
-    const Number none = 0.0f, axial = sqrt(p.x * p.x + p.y * p.y);
-    const auto on_cap = abs(half_length + sign(ray.z) * p.z) < abs(radius - axial);
-    surface.part = on_cap ? (ray.z < 0.0f ? (Int)TOP : (Int)BOTTOM) : (Int)SIDE;
-    surface.normal = select(on_cap, Vector { none, none, -sign(ray.z) }, normalized(Vector { p.x, p.y, none }));
-}
-
-// The normal points away from the nearest point of the axis.
-template <class Vector>
-WARPCAM_DEVICE void capsule_surface(NumberOf<Vector> half_length, SurfaceInteractionOf<Vector>& surface)
-{
-    using Int = IntOf<Vector>;
-    const Vector p = surface.local;
-    surface.part = p.z > half_length ? (Int)TOP : p.z < -half_length ? (Int)BOTTOM : (Int)SIDE;
-    surface.normal = normalized(Vector { p.x, p.y, p.z - clamp(p.z, -half_length, half_length) });
-}
-
-// The normal is the gradient of the sum of (x / half)^2.
-WARPCAM_DEVICE void ellipsoid_surface(Vec3 half, SurfaceInteraction& surface)
-{
-    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) };
-    surface.normal = normalized(mul(mul(surface.local, rate), rate));
-}
-
-WARPCAM_DEVICE void cone_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surface)
-{
-    const float radius = size.x, half_length = size.y;
-    const Vec3 p = surface.local;
-    const float axial = sqrt(p.x * p.x + p.y * p.y), length = 2.0f * half_length, rate = rcp(max(axial, MIN_NORMAL));
-    surface.part = SIDE;
-    surface.normal = normalized(Vec3 { length * rate * p.x, length * rate * p.y, radius });
-    // how far the hit is from the base, and from the side along the radius
-    const float gap = abs(radius * (half_length - p.z) - length * axial) * rcp(length);
-    if (ray.z > 0.0f && abs(p.z + half_length) < gap) {
-        surface.part = BOTTOM;
-        surface.normal = { 0.0f, 0.0f, -1.0f };
-    }
-}
-
-// Surface of a barrel: a cylinder's, except that normals of the side point away from the middle of the arc.
-WARPCAM_DEVICE void barrel_surface(Vec3 size, Vec3 ray, SurfaceInteraction& surface)
-{
-    const Vec3 p = surface.local;
-    const float axial = sqrt(p.x * p.x + p.y * p.y), arc = size.z > 0.0f ? max(size.z, size.y) : STRAIGHT;
-    const float end = sqrt(max(arc * arc - size.y * size.y, 0.0f)), past = axial - size.x;
-    const float rate = (past + end) * rcp(max(axial, MIN_NORMAL));
-    surface.part = SIDE;
-    surface.normal = normalized(Vec3 { rate * p.x, rate * p.y, p.z });
-    const float gap = (past * (past + 2.0f * end) + p.z * p.z - size.y * size.y) * rcp(2.0f * arc);
-    if (abs(size.y + sign(ray.z) * p.z) < abs(gap)) {
-        surface.part = ray.z < 0.0f ? TOP : BOTTOM;
-        surface.normal = { 0.0f, 0.0f, -sign(ray.z) };
-    }
-}
 
 // The normal of a height field's sides and base. `size` is HeightFields.size.
 template <class Size, class Vector> WARPCAM_DEVICE Vector height_field_side(const Size& size, Vector p)
@@ -250,22 +171,11 @@ WARPCAM_DEVICE void find_surface(const ShapeFromCamera& pose, const Meshes& mesh
     if constexpr (Types::has(PLANES_FROM_BEHIND))
         surface.normal.z = -sign(ray.z);  // of a plane; of all else it is written below
     surface.part = 0;
-    if (Types::has(SPHERE) && type == SPHERE)
-        surface.normal = normalized(local);
-    if (Types::has(CAPSULE) && type == CAPSULE)
-        capsule_surface<Vector>(size.y, surface);
-    if (Types::has(ELLIPSOID) && type == ELLIPSOID)
-        ellipsoid_surface(size, surface);
-    if (Types::has(CYLINDER) && type == CYLINDER)
-        cylinder_surface(size.x, size.y, ray, surface);
-    if (Types::has(BOX) && type == BOX)
-        box_surface(size, ray, surface);
-    if constexpr (Types::has(CONE))
-        if (type == CONE)
-            cone_surface(size, ray, surface);
-    if constexpr (Types::has(BARREL))
-        if (type == BARREL)
-            barrel_surface(size, ray, surface);
+    visit_shape<Types::GEOMETRY & ~(1 << PLANE)>(type, [&](auto shape) {
+        const SurfacePoint<Vector> point = shape.surface(size, ray, local);
+        surface.normal = point.normal;
+        surface.part = point.part;
+    });
     const bool stretched = Types::has(PER_SHAPE_SCALE) && (type == MESH || type == HEIGHT_FIELD);
     if (stretched)
         surface.local = div(local, sizes);

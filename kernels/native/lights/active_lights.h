@@ -47,17 +47,17 @@ struct ActiveLights {
         const int type = on ? per_world(lights.types, world, light) : -1;
         const bool gives = type == LIGHT_SPOT || type == LIGHT_DIRECTIONAL;
         const bool keeps = gives && taken + __popc(all_on & before) < slots;
-        const unsigned all_kept = __ballot_sync(FULL_WARP, keeps);
-        const int place = keeps ? kept + __popc(all_kept & before) : -1;
+        const unsigned all_active = __ballot_sync(FULL_WARP, keeps);
+        const int place = keeps ? kept + __popc(all_active & before) : -1;
         taken += __popc(all_on);
         given += __popc(__ballot_sync(FULL_WARP, gives));
-        kept += __popc(all_kept);
+        kept += __popc(all_active);
         return place;
     }
 #endif
 };
 
-template <class Lights> WARPCAM_DEVICE ActiveLights kept_lights(const Lights& lights)
+template <class Lights> WARPCAM_DEVICE ActiveLights active_lights(const Lights& lights)
 {
     return { headlight_shines(lights) ? MAX_LIGHTS - 1 : MAX_LIGHTS };
 }

@@ -16,21 +16,14 @@ template <class Types, class Face> WARPCAM_DEVICE int stored_face(Face face)
 // later is seen, as within a pass.
 WARPCAM_DEVICE float next_float(float depth) { return as_float(as_int(depth) + 1); }
 
-template <class Vector = Vec3> WARPCAM_DEVICE Vector transform(const Mat3& m, Vector v)
-{
-    return { m.at[0][0] * v.x + m.at[0][1] * v.y + m.at[0][2] * v.z,
-             m.at[1][0] * v.x + m.at[1][1] * v.y + m.at[1][2] * v.z,
-             m.at[2][0] * v.x + m.at[2][1] * v.y + m.at[2][2] * v.z };
-}
-
 // With a table, whose depth is the distance, the planar depth: the other of the two.
 template <int LENS> WARPCAM_DEVICE float distance_of(const Hit& hit, const CameraRay<LENS>& seen)
 {
     if constexpr (LENS == RAYS)
         return hit.shape >= 0 ? -hit.depth * seen.direction().z : infinity();
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = seen.beam();
-        return hit.shape >= 0 ? -(beam.start.z + hit.depth * beam.direction.z) : infinity();
+        const OffsetRay offset_ray = seen.offset_ray();
+        return hit.shape >= 0 ? -(offset_ray.start.z + hit.depth * offset_ray.direction.z) : infinity();
     }
     if (LENS != PINHOLE)
         return hit.shape >= 0 ? hit.depth : infinity();
@@ -50,8 +43,8 @@ template <int LENS> WARPCAM_DEVICE Vec3 point_of(const Hit& hit, const Camera& c
     if constexpr (LENS == RAYS)
         return camera.origin + transform(camera.rotation, hit.depth * seen.direction());
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = seen.beam();
-        return camera.origin + transform(camera.rotation, beam.start + hit.depth * beam.direction);
+        const OffsetRay offset_ray = seen.offset_ray();
+        return camera.origin + transform(camera.rotation, offset_ray.start + hit.depth * offset_ray.direction);
     }
     const float near = LENS == PINHOLE ? hit.depth : 1.0f;
     return camera.origin + transform(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
@@ -69,9 +62,9 @@ WARPCAM_DEVICE Vec3 locate_hit(const ShapeFromCamera& pose, float x, float y, fl
         ray = pose.local(CameraRay<LENS> { x, y }.direction());
     }
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay beam = CameraRay<LENS> { x, y }.beam();
-        place = beam.start + depth * beam.direction;
-        ray = pose.local(beam.direction);
+        const OffsetRay offset_ray = CameraRay<LENS> { x, y }.offset_ray();
+        place = offset_ray.start + depth * offset_ray.direction;
+        ray = pose.local(offset_ray.direction);
     }
     return pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
 }

@@ -33,7 +33,8 @@ template <class Value, class Given> WARPCAM_DEVICE void put_two(Value* image, Gi
     *reinterpret_cast<AlignedArray<Value, 2>*>(image) = { { static_cast<Value>(first), static_cast<Value>(second) } };
 }
 
-// Three numbers a pixel. STORE_QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at once.
+// Three numbers a pixel. STORE_QUADS: the image's width is a multiple of four pixels; then a thread stores 16 bytes at
+// once.
 template <bool IN_QUADS, class Array> WARPCAM_DEVICE void put_vec(const Array& image, const Pixel& pixel, Vec3 value)
 {
 #if defined(__CUDA_ARCH__)

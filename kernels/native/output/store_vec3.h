@@ -28,30 +28,30 @@ WARPCAM_DEVICE void find_points(const Camera& camera, const CameraRay<LENS> (&ra
 }
 
 // Stores piece_of(k), 16 bytes of a row of the k-th tile, by each lane; the last two of a row have none.
-template <class Canvas_, class Piece>
-WARPCAM_DEVICE void store_pieces(const Canvas_& canvas, float* image, int i, int j, const Piece& piece_of)
+template <class TraceTarget_, class Piece>
+WARPCAM_DEVICE void store_pieces(const TraceTarget_& trace_target, float* image, int i, int j, const Piece& piece_of)
 {
     const int piece = threadIdx.x % TILE_WIDTH;
-    const bool tiled = Canvas_::TILES_INSIDE;
-    const int width = tiled ? TILE_WIDTH : min(canvas.target.width - (i - piece), TILE_WIDTH);
+    const bool tiled = TraceTarget_::TILES_INSIDE;
+    const int width = tiled ? TILE_WIDTH : min(trace_target.target.width - (i - piece), TILE_WIDTH);
     char* place = nullptr;
-    for (int k = 0; k < Canvas_::TILES_PER_WARP; ++k) {
-        if (Canvas_::WHOLE && k > 0) {
-            place += 12 * TILE_HEIGHT * canvas.region.width;
+    for (int k = 0; k < TraceTarget_::TILES_PER_WARP; ++k) {
+        if (TraceTarget_::WHOLE && k > 0) {
+            place += 12 * TILE_HEIGHT * trace_target.region.width;
         } else {
-            size_t bytes = 12 * size_t(canvas.at(i, j, k));
+            size_t bytes = 12 * size_t(trace_target.at(i, j, k));
             asm("" : "+l"(bytes));  // or the compiler adds `piece`, which is the same for all tiles, to it
             place = reinterpret_cast<char*>(image + piece) + bytes;
         }
-        if (4 * piece < 3 * width && (tiled || j + k * TILE_HEIGHT < canvas.target.height))
+        if (4 * piece < 3 * width && (tiled || j + k * TILE_HEIGHT < trace_target.target.height))
             *reinterpret_cast<Float3Int*>(place) = piece_of(k);
     }
 }
 
 // Stores three numbers of each pixel; `row_of_lanes` is room for those of a warp's tiles.
-template <class Canvas_, int TILES_PER_WARP>
-WARPCAM_DEVICE void store_threes(const Canvas_& canvas, float* image, int i, int j,
-                                 const Vec3 (&values)[TILES_PER_WARP], float* row_of_lanes)
+template <class TraceTarget_, int TILES_PER_WARP>
+WARPCAM_DEVICE void store_vectors(const TraceTarget_& trace_target, float* image, int i, int j,
+                                  const Vec3 (&values)[TILES_PER_WARP], float* row_of_lanes)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     float* lanes = row_of_lanes + 3 * lane;
@@ -61,7 +61,7 @@ WARPCAM_DEVICE void store_threes(const Canvas_& canvas, float* image, int i, int
         lanes[3 * WARP_SIZE * k + 2] = values[k].z;
     }
     __syncwarp();
-    store_pieces(canvas, image, i, j, [&](int k) {
+    store_pieces(trace_target, image, i, j, [&](int k) {
         return *reinterpret_cast<const Float3Int*>(lanes + 3 * WARP_SIZE * k + lane % TILE_WIDTH);
     });
     __syncwarp();

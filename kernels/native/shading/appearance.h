@@ -18,7 +18,7 @@ enum Fact {
     HAS_SHADOWS = 8,
     STORE_QUADS = 16,
     WHOLE_REGIONS = 32,  // the image has no part of a region
-    SEPARATE_PLANE_PATH = 64,  // few shapes and no meshes: there is room to draw floors apart and for lookups on sheets
+    SEPARATE_PLANE_PATH = 64,  // few shapes and no meshes: there is room to draw floors apart and to look up in atlases
     PLANE_STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
     PHYSICAL = 1 << 12,  // is lit as shading/pbr.h does it, else as shading/fixed_function.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
@@ -45,12 +45,12 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
     static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
     static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
     static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
-    static constexpr bool ON_SHEETS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
-    static constexpr bool TURNED = IMAGES & NORMALS;
-    static constexpr bool SURFACE = LIT || TEXTURED || TURNED;
-    static constexpr bool COATED = COLORED && (FACTS & PHYSICAL);
-    static constexpr bool MAPPED = COATED && (FACTS & HAS_MAPS);
-    static constexpr bool FACETED = LIT && !(FACTS & PHYSICAL);
+    static constexpr bool USE_ATLAS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
+    static constexpr bool WORLD_NORMALS = IMAGES & NORMALS;
+    static constexpr bool SURFACE = LIT || TEXTURED || WORLD_NORMALS;
+    static constexpr bool PBR = COLORED && (FACTS & PHYSICAL);
+    static constexpr bool MAPPED = PBR && (FACTS & HAS_MAPS);
+    static constexpr bool GOURAUD = LIT && !(FACTS & PHYSICAL);
     static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
     static constexpr bool DIMMED = FACTS & MIRROR_VIEW;  // colours are those that the mirror shows
 };
@@ -59,7 +59,7 @@ template <int IMAGES, int FACTS> struct ShadingNeeds {
 struct PbrMaterial {
     Float3Int color;  // RGB, linear; w: texture or -1
     Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
-    Float3Int glow;  // RGB, linear; w: texture or -1
+    Float3Int emission;  // RGB, linear; w: texture or -1
     int normals;  // texture or -1
 };
 
@@ -71,18 +71,14 @@ struct TextureLayout {
     float start[2];  // u and v in a plane's middle
     int cube;  // 1: a cube texture
     int own;  // 1: a mesh with texture coordinates of its own
-    unsigned long long sheet;  // see Textures.sheets; 0: none
+    unsigned long long atlas;  // see Textures.atlases; 0: none
 };
 
 // The shape's axes in the world.
 struct ShapeToWorldRotation {
     Float3Int axis_x, axis_y, axis_z;
 
-    WARPCAM_DEVICE Vec3 world(Vec3 v) const
-    {
-        return { axis_x.x * v.x + axis_x.y * v.y + axis_x.z * v.z, axis_y.x * v.x + axis_y.y * v.y + axis_y.z * v.z,
-                 axis_z.x * v.x + axis_z.y * v.y + axis_z.z * v.z };
-    }
+    WARPCAM_DEVICE Vec3 world(Vec3 v) const { return transform_rows(*this, v); }
 };
 
 // Offset of a texture on its shape, in images.
@@ -102,14 +98,14 @@ template <class Appearances> WARPCAM_DEVICE void shift(const Appearances& look, 
 
 // Only what the images need.
 template <class Types, class Wants> struct ShapeAppearance : conditional_t<Wants::SHIFTED, Shift, Unmoved> {
-    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, ON_SHEETS = Wants::ON_SHEETS;
+    static constexpr bool SHIFTED = Wants::SHIFTED, TEXTURED = Wants::TEXTURED, USE_ATLAS = Wants::USE_ATLAS;
     optional_t<Wants::SURFACE, ShapeFromCamera> pose;
     static constexpr bool JOINT = Wants::JOINS && Types::has(COINCIDENT);
-    using Finish_ = conditional_t<JOINT, JointFinish, ResolvedMaterial>;
-    optional_t<Wants::COLORED, conditional_t<Wants::COATED, PbrMaterial, Finish_>> finish;
-    optional_t<Wants::TURNED, ShapeToWorldRotation> turn;
+    using Material_ = conditional_t<JOINT, JointMaterial, ResolvedMaterial>;
+    optional_t<Wants::COLORED, conditional_t<Wants::PBR, PbrMaterial, Material_>> material;
+    optional_t<Wants::WORLD_NORMALS, ShapeToWorldRotation> turn;
     optional_t<Wants::TEXTURED, TextureLayout> layout;
-    optional_t<Wants::FACETED && Types::has(PLANE), PlaneGrid> cells;
+    optional_t<Wants::GOURAUD && Types::has(PLANE), PlaneGrid> cells;
 };
 
 template <class Types, class Shapes, class Meshes>
@@ -118,26 +114,17 @@ WARPCAM_DEVICE ShapeFromCamera load_pose(const Shapes& shapes, const Meshes& mes
 {
     const auto r = wp::index(shapes.rotations, world, id);
     const Vec3 away = camera.origin - as_vec3(wp::index(shapes.positions, world, id));
-    Mat3 turn, view;
-    float eye[3];
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            turn.at[i][j] = r.data[i][j];
-    for (int i = 0; i < 3; ++i) {
-        eye[i] = turn.at[0][i] * away.x + turn.at[1][i] * away.y + turn.at[2][i] * away.z;
-        for (int j = 0; j < 3; ++j)
-            view.at[i][j] = turn.at[0][i] * camera.rotation.at[0][j] + turn.at[1][i] * camera.rotation.at[1][j]
-                            + turn.at[2][i] * camera.rotation.at[2][j];
-    }
+    const Mat3 turn = as_mat3(r), view = transposed_times(turn, camera.rotation);
+    const Vec3 eye = transform_transposed(turn, away);
     const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
     Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
     if (Types::has(MESH) && !Types::has(PER_SHAPE_SCALE) && type == MESH && asset >= 0) {
         size.x = as_float(wp::index(meshes.face_start, asset));
         size.y = as_float(wp::index(meshes.corner_start, asset));
     }
-    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye[0]) },
-             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye[1]) },
-             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye[2]) },
+    return { { view.at[0][0], view.at[0][1], view.at[0][2], as_int(eye.x) },
+             { view.at[1][0], view.at[1][1], view.at[1][2], as_int(eye.y) },
+             { view.at[2][0], view.at[2][1], view.at[2][2], as_int(eye.z) },
              make_float3_int(size, type + 16 * (asset + 1)) };
 }
 
@@ -151,28 +138,28 @@ template <class Shapes> WARPCAM_DEVICE ShapeToWorldRotation load_turn(const Shap
 
 // Loads the material of a shape in a physically based scene.
 template <bool MATERIAL, bool MAPS, class Shapes, class Materials, class Physical>
-WARPCAM_DEVICE PbrMaterial load_coat(const Shapes& shapes, const Materials& materials, const Physical& physical,
-                                     int world, int id)
+WARPCAM_DEVICE PbrMaterial load_pbr_material(const Shapes& shapes, const Materials& materials, const Physical& physical,
+                                             int world, int id)
 {
-    const ResolvedMaterial finish = load_material<MATERIAL>(shapes, materials, world, id);
-    PbrMaterial coat;
-    coat.color = make_float3_int(srgb_to_linear(as_vec3(finish.color)), finish.color.w);
-    coat.gloss = { 0.5f, 0.0f, 0.04f, -1 };
-    coat.glow = { 0.0f, 0.0f, 0.0f, -1 };
-    coat.normals = -1;
+    const ResolvedMaterial material = load_material<MATERIAL>(shapes, materials, world, id);
+    PbrMaterial pbr;
+    pbr.color = make_float3_int(srgb_to_linear(as_vec3(material.color)), material.color.w);
+    pbr.gloss = { 0.5f, 0.0f, 0.04f, -1 };
+    pbr.emission = { 0.0f, 0.0f, 0.0f, -1 };
+    pbr.normals = -1;
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (index >= 0) {
-        coat.gloss.x = per_world(physical.roughness, world, index);
-        coat.gloss.y = per_world(physical.metallic, world, index);
-        coat.gloss.z = per_world(physical.reflectance, world, index);
-        coat.glow = make_float3_int(as_vec3(per_world(physical.emissive, world, index)), -1);
+        pbr.gloss.x = per_world(physical.roughness, world, index);
+        pbr.gloss.y = per_world(physical.metallic, world, index);
+        pbr.gloss.z = per_world(physical.reflectance, world, index);
+        pbr.emission = make_float3_int(as_vec3(per_world(physical.emissive, world, index)), -1);
         if (MAPS) {
-            coat.normals = texture_of(materials, world, index, ROLE_NORMAL);
-            coat.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
-            coat.glow.w = texture_of(materials, world, index, ROLE_EMISSION);
+            pbr.normals = texture_of(materials, world, index, ROLE_NORMAL);
+            pbr.gloss.w = texture_of(materials, world, index, ROLE_PACKED);
+            pbr.emission.w = texture_of(materials, world, index, ROLE_EMISSION);
         }
     }
-    return coat;
+    return pbr;
 }
 
 // The half extents of a shape as MuJoCo gives them to its renderer.
@@ -181,19 +168,17 @@ WARPCAM_DEVICE Vec3 extent_of(const ShapeFromCamera& pose, const Meshes& meshes,
 {
     const Vec3 size = as_vec3(pose.size);
     const int type = pose.type(), asset = pose.asset();
-    if (type == SPHERE)
-        return { size.x, size.x, size.x };
-    if (type == CAPSULE || type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)))
-        return { size.x, size.x, size.y };
     if (Types::has(MESH) && type == MESH && asset >= 0) {
-        const auto lo = wp::index(meshes.lower, asset), hi = wp::index(meshes.upper, asset);
+        const auto lo = wp::index(meshes.bounds_min, asset), hi = wp::index(meshes.bounds_max, asset);
         return { max(abs(lo[0]), abs(hi[0])), max(abs(lo[1]), abs(hi[1])), max(abs(lo[2]), abs(hi[2])) };
     }
     if (Types::has(HEIGHT_FIELD) && type == HEIGHT_FIELD && asset >= 0) {
         const auto field = wp::index(fields.size, asset);
         return { field[0], field[1], 0.25f * field[2] + 0.5f * field[3] };
     }
-    return size;
+    Vec3 half = size;
+    visit_shape<Types::GEOMETRY>(type, [&](auto shape) { half = shape.axes(size); });
+    return half;
 }
 
 // Repeats of an image along an axis. MuJoCo's renderer takes values that are not positive for 1, except where it
@@ -264,11 +249,11 @@ WARPCAM_DEVICE void load_rest(ShapeAppearance<Types, Wants>& look, const Shapes&
                               int world, int id)
 {
     if constexpr (Wants::TEXTURED)
-        look.layout = load_layout<Types, Wants::COATED>(shapes, materials, textures, meshes, fields, look.pose,
-                                                        look.finish.color.w, world, id);
-    if constexpr (Wants::ON_SHEETS)
-        look.layout.sheet = sheet_of(textures, look.finish.color.w);
-    if constexpr (Wants::FACETED && Types::has(PLANE)) {
+        look.layout = load_layout<Types, Wants::PBR>(shapes, materials, textures, meshes, fields, look.pose,
+                                                     look.material.color.w, world, id);
+    if constexpr (Wants::USE_ATLAS)
+        look.layout.atlas = atlas_of(textures, look.material.color.w);
+    if constexpr (Wants::GOURAUD && Types::has(PLANE)) {
         const int index = Wants::MATERIAL ? material_of(shapes, materials, world, id) : -1;
         float repeat[2] = { 0.0f, 0.0f };
         if (Wants::MATERIAL && index >= 0)
@@ -287,23 +272,23 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearanc
     ShapeAppearance<Types, Wants> look;
     if constexpr (Wants::SURFACE)
         look.pose = load_pose<Types>(shapes, meshes, camera, world, id);
-    if constexpr (Wants::TURNED)
+    if constexpr (Wants::WORLD_NORMALS)
         look.turn = load_turn(shapes, world, id);
-    if constexpr (Wants::COLORED && !Wants::COATED) {
-        const ResolvedMaterial finish = load_material<Wants::MATERIAL>(shapes, materials, world, id);
-        static_cast<ResolvedMaterial&>(look.finish) = finish;
+    if constexpr (Wants::COLORED && !Wants::PBR) {
+        const ResolvedMaterial material = load_material<Wants::MATERIAL>(shapes, materials, world, id);
+        static_cast<ResolvedMaterial&>(look.material) = material;
         if constexpr (ShapeAppearance<Types, Wants>::JOINT)
-            look.finish.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, finish);
+            look.material.joint = load_joint<Wants::MATERIAL>(shapes, materials, world, id, material);
     }
-    if constexpr (Wants::COATED)
-        look.finish = load_coat<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
+    if constexpr (Wants::PBR)
+        look.material = load_pbr_material<Wants::MATERIAL, Wants::MAPPED>(shapes, materials, physical, world, id);
     load_rest(look, shapes, materials, textures, meshes, fields, horizon, world, id);
     return look;
 }
 
 // Looks without that: enough of most shapes.
 template <class Wants> struct Untextured : Wants {
-    static constexpr bool TEXTURED = false, SHIFTED = false, ON_SHEETS = false, FACETED = false;
+    static constexpr bool TEXTURED = false, SHIFTED = false, USE_ATLAS = false, GOURAUD = false;
 };
 
 // Appearances of the shapes that a block sees, as far as shared memory has room, for scenes too large to store all.

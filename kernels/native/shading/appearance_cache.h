@@ -11,7 +11,7 @@ WARPCAM_DEVICE ShapeAppearance<Types, Wants> load_appearance_for(const Scene_& s
     auto look = load_appearance<Types, Wants>(scene.shapes, scene.materials, physical_of(scene), scene.textures,
                                               scene.meshes, scene.fields, camera, scene.frame.horizon, world, id);
     if constexpr (Wants::DIMMED)
-        dim(look.finish, wp::index(scene.frame.mirrors, world).strength);
+        dim(look.material, wp::index(scene.frame.mirrors, world).strength);
     load_shift(look, scene, world, id);
     return look;
 }
@@ -25,14 +25,14 @@ WARPCAM_DEVICE auto completed(const EdgeTester& seen, int slot, const Scene_& sc
     const auto& bare = seen.looks[slot];
     ShapeAppearance<Types, Wants> look;
     look.pose = bare.pose;
-    look.finish = bare.finish;
+    look.material = bare.material;
     look.turn = bare.turn;
     bool more = Wants::MAPPED;
     if constexpr (Wants::TEXTURED) {
         look.layout.image.levels = 0;
-        more |= bare.finish.color.w >= 0;
+        more |= bare.material.color.w >= 0;
     }
-    if constexpr (Wants::FACETED && Types::has(PLANE)) {
+    if constexpr (Wants::GOURAUD && Types::has(PLANE)) {
         look.cells.u.step = 0.0f;
         more |= bare.pose.type() == PLANE;
     }

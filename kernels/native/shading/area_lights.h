@@ -29,13 +29,14 @@ struct AreaLight {
 
 // The lights of a world that count.
 struct AreaLights {
-    AreaLight lamps[MAX_LIGHTS];
+    AreaLight area_lights[MAX_LIGHTS];
     Sky sky;
     int count;
 };
 
-template <bool SHADOWS, class Physical>
-WARPCAM_DEVICE AreaLight load_lamp(const Physical& physical, const Camera& camera, int world, int index, int place)
+template <bool SHADOWS, class Physical> WARPCAM_DEVICE AreaLight load_area_light(const Physical& physical,
+                                                                                 const Camera& camera, int world,
+                                                                                 int index, int place)
 {
     const auto& lights = physical.plain;
     const Vec3 direction = transform_transposed(camera.rotation, as_vec3(per_world(lights.directions, world, index)));
@@ -45,26 +46,26 @@ WARPCAM_DEVICE AreaLight load_lamp(const Physical& physical, const Camera& camer
     const Vec3 ambient = as_vec3(per_world(lights.ambient, world, index));
     const auto turn = wp::index(physical.rotations, world, index);
     const bool wide = !local || !(cutoff < 180.0f);
-    int nature = local ? SPOT : 0;
+    int flags = local ? SPOT : 0;
     if (SHADOWS && per_world(lights.casts_shadow, world, index))
-        nature |= CASTS;
+        flags |= CASTS;
     if (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f)
-        nature |= AMBIENT;
-    AreaLight lamp;
-    lamp.place = make_float3_int(local ? transform_transposed(camera.rotation, position - camera.origin)
-                                       : -normalized(direction),
-                                 SHADOWS ? 1 << place : 0);
-    lamp.axis = make_float3_int(direction, as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
-    lamp.across =
+        flags |= AMBIENT;
+    AreaLight area_light;
+    area_light.place = make_float3_int(local ? transform_transposed(camera.rotation, position - camera.origin)
+                                             : -normalized(direction),
+                                       SHADOWS ? 1 << place : 0);
+    area_light.axis = make_float3_int(direction, as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
+    area_light.across =
         make_float3_int(transform_transposed(camera.rotation, { turn.data[0][0], turn.data[1][0], turn.data[2][0] }),
                         per_world(physical.forms, world, index));
-    lamp.size = make_float3_int(as_vec3(per_world(physical.sizes, world, index)), 0);
-    lamp.falloff = make_float3_int(as_vec3(per_world(lights.attenuation, world, index)),
-                                   as_int(wide ? 0.0f : per_world(lights.exponent, world, index)));
-    lamp.diffuse = make_float3_int(as_vec3(per_world(lights.diffuse, world, index)), nature);
-    lamp.specular = make_float3_int(as_vec3(per_world(lights.specular, world, index)), 0);
-    lamp.ambient = make_float3_int(ambient, 0);
-    return lamp;
+    area_light.size = make_float3_int(as_vec3(per_world(physical.sizes, world, index)), 0);
+    area_light.falloff = make_float3_int(as_vec3(per_world(lights.attenuation, world, index)),
+                                         as_int(wide ? 0.0f : per_world(lights.exponent, world, index)));
+    area_light.diffuse = make_float3_int(as_vec3(per_world(lights.diffuse, world, index)), flags);
+    area_light.specular = make_float3_int(as_vec3(per_world(lights.specular, world, index)), 0);
+    area_light.ambient = make_float3_int(ambient, 0);
+    return area_light;
 }
 
 template <class Physical> WARPCAM_DEVICE void gather_sky(const Physical& physical, int world, int first, Sky& sky)
@@ -87,31 +88,31 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Physical& physical,
     const auto& lights = physical.plain;
     const bool headlight = headlight_shines(lights);
     if (lane == 0) {
-        list.lamps[0] = {};
-        list.lamps[0].place = { 0.0f, 0.0f, 1.0f, 0 };
-        list.lamps[0].diffuse = make_float3_int(as_vec3(wp::index(lights.headlight, first + 1)), 0);
-        list.lamps[0].specular = make_float3_int(as_vec3(wp::index(lights.headlight, first + 2)), 0);
+        list.area_lights[0] = {};
+        list.area_lights[0].place = { 0.0f, 0.0f, 1.0f, 0 };
+        list.area_lights[0].diffuse = make_float3_int(as_vec3(wp::index(lights.headlight, first + 1)), 0);
+        list.area_lights[0].specular = make_float3_int(as_vec3(wp::index(lights.headlight, first + 2)), 0);
         list.count = headlight;
         gather_sky(physical, world, first, list.sky);
     }
     team_barrier();
     for (int light = lane; light < lights.types.shape[1]; light += WARP_OR_ONE) {
-        ActiveLights lights_before = kept_lights(lights);
+        ActiveLights lights_before = active_lights(lights);
         for (int other = 0; other < light; ++other)
             lights_before.next(lights, world, other);
         const int place = lights_before.next(lights, world, light);
         if (place >= 0) {
-            list.lamps[headlight + place] = load_lamp<SHADOWS>(physical, camera, world, light, place);
+            list.area_lights[headlight + place] = load_area_light<SHADOWS>(physical, camera, world, light, place);
             atomic_append(list.count);
         }
     }
     team_barrier();
 }
 
-// Light at a place: from where, how much of the lamp's colours if it falls straight, and its spread.
+// Light at a place: from where, how much of its colours if it falls straight, and how wide it seems.
 template <class Vector> struct AreaLightSample {
     Vector to_light;
-    NumberOf<Vector> share, spread;
+    NumberOf<Vector> share, sine_squared;
 };
 
 // The mean direction of what a rectangle sends, as long as its share: Lambert's formula for polygons, over pi.
@@ -147,56 +148,59 @@ template <class Vector> WARPCAM_DEVICE Vector from_cylinder(Vector middle, Vec3 
     return 2.0f * radius * h / PI * (lengthwise * axes + sideways * h * normalized(aside));
 }
 
-template <class Vector> WARPCAM_DEVICE AreaLightSample<Vector> sample_light(const AreaLight& lamp, Vector place)
+template <class Vector> WARPCAM_DEVICE AreaLightSample<Vector> sample_light(const AreaLight& area_light, Vector place)
 {
     using Number = NumberOf<Vector>;
     const Number none = 0.0f, one = 1.0f;
-    if (!(lamp.diffuse.w & SPOT))
-        return { broadcast<Vector>(as_vec3(lamp.place)), one, lamp.size.x };
-    const Vector offset = broadcast<Vector>(as_vec3(lamp.place)) - place;
+    if (!(area_light.diffuse.w & SPOT))
+        return { broadcast<Vector>(as_vec3(area_light.place)), one, area_light.size.x };
+    const Vector offset = broadcast<Vector>(as_vec3(area_light.place)) - place;
     const Number square = max(dot(offset, offset), 1.0e-12f), distance = sqrt(square);
-    AreaLightSample<Vector> shine { 1.0f / distance * offset, none, none };
-    const Number along = -dot(shine.to_light, broadcast<Vector>(as_vec3(lamp.axis)));
-    const MaskOf<Vector> dark = along < as_float(lamp.axis.w);
+    AreaLightSample<Vector> light_sample { 1.0f / distance * offset, none, none };
+    const Number along = -dot(light_sample.to_light, broadcast<Vector>(as_vec3(area_light.axis)));
+    const MaskOf<Vector> dark = along < as_float(area_light.axis.w);
     if (!any(!dark))
-        return shine;
-    const int form = lamp.across.w;
+        return light_sample;
+    const int form = area_light.across.w;
     if (form == FORM_POINT) {
-        shine.share = 1.0f / max(lamp.falloff.x + distance * (lamp.falloff.y + distance * lamp.falloff.z), 1.0e-12f);
+        light_sample.share =
+            1.0f
+            / max(area_light.falloff.x + distance * (area_light.falloff.y + distance * area_light.falloff.z), 1.0e-12f);
     } else if (form == FORM_SPHERE) {
-        shine.share = shine.spread = min(lamp.size.x * lamp.size.x / square, 1.0f);
+        light_sample.share = light_sample.sine_squared = min(area_light.size.x * area_light.size.x / square, 1.0f);
     } else if (form == FORM_DISK) {
-        const float radius = lamp.size.x * lamp.size.x;
-        shine.share = shine.spread = max(along, 0.0f) * radius / (radius + square);
+        const float radius = area_light.size.x * area_light.size.x;
+        light_sample.share = light_sample.sine_squared = max(along, 0.0f) * radius / (radius + square);
     } else {
-        const Vec3 across = as_vec3(lamp.across);
-        const Vector sum = form == FORM_RECTANGLE ? from_rectangle(offset, lamp.size.x * across,
-                                                                   lamp.size.y * cross(as_vec3(lamp.axis), across))
-                                                  : from_cylinder(offset, across, lamp.size.x, lamp.size.y);
-        shine.share = sqrt(dot(sum, sum));
-        shine.spread = min(shine.share, 1.0f);
-        const MaskOf<Vector> some = shine.share > 1.0e-20f;
-        shine.to_light = select(some, 1.0f / (some ? shine.share : one) * sum, shine.to_light);
+        const Vec3 across = as_vec3(area_light.across);
+        const Vector sum = form == FORM_RECTANGLE
+                               ? from_rectangle(offset, area_light.size.x * across,
+                                                area_light.size.y * cross(as_vec3(area_light.axis), across))
+                               : from_cylinder(offset, across, area_light.size.x, area_light.size.y);
+        light_sample.share = sqrt(dot(sum, sum));
+        light_sample.sine_squared = min(light_sample.share, 1.0f);
+        const MaskOf<Vector> some = light_sample.share > 1.0e-20f;
+        light_sample.to_light = select(some, 1.0f / (some ? light_sample.share : one) * sum, light_sample.to_light);
     }
-    const float exponent = as_float(lamp.falloff.w);
+    const float exponent = as_float(area_light.falloff.w);
     if (exponent != 0.0f)
-        shine.share *= pow(max(along, MIN_NORMAL), exponent);
-    shine.share = dark ? none : shine.share;
-    return shine;
+        light_sample.share *= pow(max(along, MIN_NORMAL), exponent);
+    light_sample.share = dark ? none : light_sample.share;
+    return light_sample;
 }
 
 // The cosine of a light over a surface, or its mean over what the horizon leaves of it.
-template <class Number> WARPCAM_DEVICE Number clipped_cosine(Number middle, Number spread)
+template <class Number> WARPCAM_DEVICE Number clipped_cosine(Number middle, Number sine_squared)
 {
     const Number none = 0.0f, one = 1.0f, whole = max(middle, none);
-    const auto cut = !((middle * middle >= spread) | (spread < 1.0e-6f));
+    const auto cut = !((middle * middle >= sine_squared) | (sine_squared < 1.0e-6f));
     if (!any(cut))
         return whole;
-    spread = min(spread, 0.9999f);
-    const Number sine = sqrt(max(1.0f - middle * middle, 1.0e-8f)), x = sqrt(1.0f / spread - 1.0f);
+    sine_squared = min(sine_squared, 0.9999f);
+    const Number sine = sqrt(max(1.0f - middle * middle, 1.0e-8f)), x = sqrt(1.0f / sine_squared - 1.0f);
     const Number y = clamp(-x * middle / sine, -one, one), part = sine * sqrt(max(1.0f - y * y, 0.0f));
-    const Number sum = (middle * acos(y) - x * part) * spread + atan2(part, x);
-    return cut ? max(sum / (PI * spread), 0.0f) : whole;
+    const Number sum = (middle * acos(y) - x * part) * sine_squared + atan2(part, x);
+    return cut ? max(sum / (PI * sine_squared), 0.0f) : whole;
 }
 
 }  // namespace warpcam

@@ -55,18 +55,18 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Light load_light(const Lights& lights, const
     const bool even = wide || !(exponent >= 0.0f && exponent <= 128.0f);
     const float strength = spot && !fades ? 1.0f / max(falloff.x, 1.0e-12f) : 1.0f;
     const Vec3 ambient = strength * as_vec3(per_world(lights.ambient, world, index));
-    int nature = (spot ? SPOT : 0) | (fades ? FADES : 0);
+    int flags = (spot ? SPOT : 0) | (fades ? FADES : 0);
     if (SHADOWS && per_world(lights.casts_shadow, world, index))
-        nature |= CASTS;
+        flags |= CASTS;
     if ((SHADOWS || spot) && (ambient.x != 0.0f || ambient.y != 0.0f || ambient.z != 0.0f))
-        nature |= AMBIENT;
+        flags |= AMBIENT;
     Light light;
     light.place = make_float3_int(spot ? transform_transposed(camera.rotation, position - camera.origin) : -direction,
                                   SHADOWS ? 1 << place : 0);
     light.axis = make_float3_int(spot ? direction : transform_transposed(camera.rotation, position - camera.origin),
                                  as_int(wide ? -2.0f : cos(0.017453292519943295f * cutoff)));
     light.falloff = make_float3_int(falloff, as_int(even ? 0.0f : exponent));
-    light.ambient = make_float3_int(ambient, nature);
+    light.ambient = make_float3_int(ambient, flags);
     light.diffuse = make_float3_int(strength * as_vec3(per_world(lights.diffuse, world, index)),
                                     as_int(1.0f + dot(direction, direction)));
     light.specular = make_float3_int(strength * as_vec3(per_world(lights.specular, world, index)), 0);
@@ -103,7 +103,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE void gather_lights(const Lights& lights, con
     }
     team_barrier();
     for (int light = lane; light < total; light += WARP_OR_ONE) {
-        ActiveLights lights_before = kept_lights(lights);
+        ActiveLights lights_before = active_lights(lights);
         for (int other = 0; other < light; ++other)
             lights_before.next(lights, world, other);
         const int place = lights_before.next(lights, world, light);
@@ -152,11 +152,11 @@ template <class Vector> WARPCAM_DEVICE LightingVertexOf<Vector> vertex_at(Vector
 }
 
 // Vertex as seen by a ray that starts at `eye` instead of the centre of projection.
-struct SpreadVertex : LightingVertex {
+struct OffsetRayVertex : LightingVertex {
     Vec3 place;
 };
 
-WARPCAM_DEVICE SpreadVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye)
+WARPCAM_DEVICE OffsetRayVertex vertex_at(Vec3 place, Vec3 normal, Vec3 eye)
 {
     return { vertex_at(place - eye, normal), place };
 }
@@ -166,7 +166,7 @@ template <class Vector> WARPCAM_DEVICE Vector from_vertex(const LightingVertexOf
 {
     return place + vertex.reach * vertex.to_eye;
 }
-WARPCAM_DEVICE Vec3 from_vertex(const SpreadVertex& vertex, Vec3 place) { return place - vertex.place; }
+WARPCAM_DEVICE Vec3 from_vertex(const OffsetRayVertex& vertex, Vec3 place) { return place - vertex.place; }
 
 // A spot's strength at a corner, before its cone.
 template <class Vertex_> WARPCAM_DEVICE float faded(const Light& light, const Vertex_& vertex)
@@ -217,9 +217,9 @@ template <bool IS_SPOT> WARPCAM_DEVICE LightWeights<float> share_of(const Light&
 {
     const float highlight =
         highlight_of(vertex, arrival.to_light, arrival.facing, IS_SPOT ? 2.0f : as_float(light.diffuse.w));
-    const float shine = pow(max(highlight, MIN_NORMAL), exponent);
+    const float highlight_power = pow(max(highlight, MIN_NORMAL), exponent);
     return { arrival.strength, arrival.strength * max(arrival.facing, 0.0f),
-             arrival.facing > 0.0f ? arrival.strength * shine : 0.0f };
+             arrival.facing > 0.0f ? arrival.strength * highlight_power : 0.0f };
 }
 
 // What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
@@ -248,39 +248,40 @@ template <class Sum> struct LightSum {
 };
 
 template <class Sum, class Number>
-WARPCAM_DEVICE void add_share(LightSum<Sum>& glow, const LightWeights<Number>& share, const Light& light)
+WARPCAM_DEVICE void add_share(LightSum<Sum>& light_sum, const LightWeights<Number>& share, const Light& light)
 {
-    add(glow.matt, share.diffuse, light.diffuse);
-    add(glow.gloss, share.specular, light.specular);
+    add(light_sum.matt, share.diffuse, light.diffuse);
+    add(light_sum.gloss, share.specular, light.specular);
     if (light.ambient.w & AMBIENT)
-        add(glow.matt, share.ambient, light.ambient);
+        add(light_sum.matt, share.ambient, light.ambient);
 }
 
 template <class Vector, class Sum>
-WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, Vec3 base, const ResolvedMaterial& finish)
+WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& light_sum, Vec3 base, const ResolvedMaterial& material)
 {
-    return broadcast<Vector>(base) + mul(in_channels<Vector>(glow.matt), broadcast<Vector>(as_vec3(finish.color)))
-           + finish.gloss.y * in_channels<Vector>(glow.gloss);
+    return broadcast<Vector>(base)
+           + mul(in_channels<Vector>(light_sum.matt), broadcast<Vector>(as_vec3(material.color)))
+           + material.gloss.y * in_channels<Vector>(light_sum.gloss);
 }
 
 // The light of one light that casts shadows, reflected.
 template <class Vector, class Sum>
-WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& glow, const Reflectance& reflectance)
+WARPCAM_DEVICE Vector reflected(const LightSum<Sum>& light_sum, const Reflectance& reflectance)
 {
-    return mul(in_channels<Vector>(glow.matt), broadcast<Vector>(reflectance.matt))
-           + reflectance.gloss * in_channels<Vector>(glow.gloss);
+    return mul(in_channels<Vector>(light_sum.matt), broadcast<Vector>(reflectance.matt))
+           + reflectance.gloss * in_channels<Vector>(light_sum.gloss);
 }
 
 // Light that a surface emits or reflects wherever lights are.
-WARPCAM_DEVICE Vec3 always_on(const LightList& list, const ResolvedMaterial& finish)
+WARPCAM_DEVICE Vec3 always_on(const LightList& list, const ResolvedMaterial& material)
 {
-    return mul(as_vec3(finish.color), Vec3 { finish.gloss.x + list.ambient.x, finish.gloss.x + list.ambient.y,
-                                             finish.gloss.x + list.ambient.z });
+    return mul(as_vec3(material.color), Vec3 { material.gloss.x + list.ambient.x, material.gloss.x + list.ambient.y,
+                                               material.gloss.x + list.ambient.z });
 }
 
-template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Finish_, class Sum>
+template <bool IS_SPOT, int CORNERS, bool SHADOWS, class Vertex_, class Material_, class Sum>
 WARPCAM_DEVICE void add_light(const Light& light, float strength, const Vertex_* corners, const float* weights,
-                              const Finish_& finish, LightSum<Sum>* glows, LitColor& casting)
+                              const Material_& material, LightSum<Sum>* light_sums, LitColor& casting)
 {
     LightDirection arrivals[CORNERS];
     bool lit = false;
@@ -296,30 +297,30 @@ WARPCAM_DEVICE void add_light(const Light& light, float strength, const Vertex_*
             arrivals[k].strength *= faded(light, corners[k]);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const LightWeights<float> share = share_of<IS_SPOT>(light, corners[k], arrivals[k], finish.gloss.z);
+        const LightWeights<float> share = share_of<IS_SPOT>(light, corners[k], arrivals[k], material.gloss.z);
         if (!SHADOWS || !(light.ambient.w & CASTS)) {
-            add_share(glows[k], share, light);
+            add_share(light_sums[k], share, light);
         } else {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            const Vec3 added = reflected<Vec3>(own, of_casting(finish));
+            const Vec3 added = reflected<Vec3>(own, of_casting(material));
             casting.linear = casting.linear + weights[k] * added;
             casting.display = casting.display + weights[k] * clip(added);
         }
     }
 }
 
-template <int CORNERS, bool SHADOWS, class Sum, class Finish_, class... Eye_>
-WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriangle& facet, const Finish_& finish,
+template <int CORNERS, bool SHADOWS, class Sum, class Material_, class... Eye_>
+WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriangle& gouraud, const Material_& material,
                                       int shadow, Eye_... eye)
 {
-    const float weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
-    decltype(vertex_at(facet.place[0], facet.normal[0], eye...)) corners[CORNERS];
-    LightSum<Sum> glows[CORNERS];
+    const float weights[3] = { 1.0f - gouraud.weight1 - gouraud.weight2, gouraud.weight1, gouraud.weight2 };
+    decltype(vertex_at(gouraud.place[0], gouraud.normal[0], eye...)) corners[CORNERS];
+    LightSum<Sum> light_sums[CORNERS];
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        corners[k] = vertex_at(facet.place[k], facet.normal[k], eye...);
-        glows[k] = {};
+        corners[k] = vertex_at(gouraud.place[k], gouraud.normal[k], eye...);
+        light_sums[k] = {};
     }
     LitColor lit { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
 #pragma unroll 1
@@ -327,14 +328,14 @@ WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriang
         const Light& light = list.lights[n];
         const float strength = SHADOWS && (light.place.w & shadow) ? 0.0f : 1.0f;
         if (light.ambient.w & SPOT)
-            add_light<true, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
+            add_light<true, CORNERS, SHADOWS>(light, strength, corners, weights, material, light_sums, lit);
         else
-            add_light<false, CORNERS, SHADOWS>(light, strength, corners, weights, finish, glows, lit);
+            add_light<false, CORNERS, SHADOWS>(light, strength, corners, weights, material, light_sums, lit);
     }
-    const Vec3 base = always_on(list, finish);
+    const Vec3 base = always_on(list, material);
 #pragma unroll
     for (int k = 0; k < CORNERS; ++k) {
-        const Vec3 steady = reflected<Vec3>(glows[k], base, finish);
+        const Vec3 steady = reflected<Vec3>(light_sums[k], base, material);
         lit.linear = lit.linear + weights[k] * steady;
         lit.display = lit.display + weights[k] * clip(steady);
     }
@@ -343,13 +344,13 @@ WARPCAM_DEVICE LitColor illuminate_as(const LightList& list, const GouraudTriang
 
 // The light of a facet's corners, or with CORNERS == 1 of its place. Bit l of `shadow` says that light l, of
 // those that are kept, does not reach it. `eye`: where the ray begins that sees it, if not where the camera is.
-template <int CORNERS, bool SHADOWS, class Finish_, class... Eye_>
-WARPCAM_DEVICE LitColor light_vertices(const LightList& list, const GouraudTriangle& facet, const Finish_& finish,
+template <int CORNERS, bool SHADOWS, class Material_, class... Eye_>
+WARPCAM_DEVICE LitColor light_vertices(const LightList& list, const GouraudTriangle& gouraud, const Material_& material,
                                        int shadow, Eye_... eye)
 {
     if (list.colored)
-        return illuminate_as<CORNERS, SHADOWS, Vec3>(list, facet, finish, shadow, eye...);
-    return illuminate_as<CORNERS, SHADOWS, float>(list, facet, finish, shadow, eye...);
+        return illuminate_as<CORNERS, SHADOWS, Vec3>(list, gouraud, material, shadow, eye...);
+    return illuminate_as<CORNERS, SHADOWS, float>(list, gouraud, material, shadow, eye...);
 }
 
 }  // namespace warpcam

@@ -47,19 +47,19 @@ inline Float8 strength_of(const Light& light, const Arrivals& arrival)
     return strength;
 }
 
-template <class Finish_> inline LightWeights<Float8> shares_of(const Light& light, const Vertices& vertex,
-                                                               const Arrivals& arrival, Float8 strength,
-                                                               const Finish_& finish)
+template <class Material_> inline LightWeights<Float8> shares_of(const Light& light, const Vertices& vertex,
+                                                                 const Arrivals& arrival, Float8 strength,
+                                                                 const Material_& material)
 {
     const Float8 none = 0.0f;
     LightWeights<Float8> share { strength, strength * max(arrival.facing, none), none };
-    if (finish.gloss.y != 0.0f || of_casting(finish).gloss != 0.0f) {
+    if (material.gloss.y != 0.0f || of_casting(material).gloss != 0.0f) {
         const float length = light.ambient.w & SPOT ? 2.0f : as_float(light.diffuse.w);
         const Float8 highlight = highlight_of(vertex, arrival.to_light, arrival.facing, length);
         // h^e is at most exp(-e (1 - h)): where that is nothing anywhere, no power is taken.
-        if (!(finish.gloss.z > 0.0f) || any(finish.gloss.z * (1.0f - highlight) < 12.0f)) {
-            const Float8 shine = pow(max(highlight, (Float8)MIN_NORMAL), finish.gloss.z);
-            share.specular = arrival.facing > 0.0f ? strength * shine : none;
+        if (!(material.gloss.z > 0.0f) || any(material.gloss.z * (1.0f - highlight) < 12.0f)) {
+            const Float8 highlight_power = pow(max(highlight, (Float8)MIN_NORMAL), material.gloss.z);
+            share.specular = arrival.facing > 0.0f ? strength * highlight_power : none;
         }
     }
     return share;
@@ -70,19 +70,19 @@ inline void add(Float8& sum, Float8 share, const Float3Int& color) { sum += shar
 using Lits = LitColorOf<Vec3x8>;
 
 // LINEAR: whether light that is not clipped is asked for.
-template <bool SHADOWS, bool LINEAR, class Sum, class Finish_, class... Eye_>
-static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Facets& facet, int corners,
-                                                 const Finish_& finish, Int8 shadow, Lits& lit, const Eye_&... eye)
+template <bool SHADOWS, bool LINEAR, class Sum, class Material_, class... Eye_>
+static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const GouraudTriangle8& gouraud, int corners,
+                                                 const Material_& material, Int8 shadow, Lits& lit, const Eye_&... eye)
 {
-    const Float8 weights[3] = { 1.0f - facet.weight1 - facet.weight2, facet.weight1, facet.weight2 };
+    const Float8 weights[3] = { 1.0f - gouraud.weight1 - gouraud.weight2, gouraud.weight1, gouraud.weight2 };
     const Float8 none = 0.0f, one = 1.0f;
-    const Vec3 base = always_on(list, finish);
+    const Vec3 base = always_on(list, material);
     lit = { { none, none, none }, { none, none, none } };
     const auto reaches = [&](const Light& light) { return SHADOWS ? (shadow & light.place.w) == 0 : (Int8)-1; };
     for (int k = 0; k < corners; ++k) {
-        const Vertices vertex = vertex_at((facet.place[k] - ... - eye), facet.normal[k]);
+        const Vertices vertex = vertex_at((gouraud.place[k] - ... - eye), gouraud.normal[k]);
         const Float8 weight = corners == 1 ? one : weights[k];
-        LightSum<Sum> glow {};
+        LightSum<Sum> light_sum {};
         for (int n = 0; n < list.count; ++n) {
             const Light& light = list.lights[n];
             const bool casts = SHADOWS && (light.ambient.w & CASTS);
@@ -91,19 +91,19 @@ static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Fa
             if (!any(light.ambient.w & AMBIENT ? reached : reached & (arrival.facing > none)))
                 continue;
             const Float8 strength = reached ? strength_of(light, arrival) : none;
-            const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, finish);
+            const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, material);
             if (!casts) {
-                add_share(glow, share, light);
+                add_share(light_sum, share, light);
             } else {
                 LightSum<Sum> own {};
                 add_share(own, share, light);
-                const Vec3x8 added = reflected<Vec3x8>(own, of_casting(finish));
+                const Vec3x8 added = reflected<Vec3x8>(own, of_casting(material));
                 if (LINEAR)
                     lit.linear = lit.linear + weight * added;
                 lit.display = lit.display + weight * clip(added);
             }
         }
-        const Vec3x8 steady = reflected<Vec3x8>(glow, base, finish);
+        const Vec3x8 steady = reflected<Vec3x8>(light_sum, base, material);
         if (LINEAR)
             lit.linear = lit.linear + weight * steady;
         lit.display = lit.display + weight * clip(steady);
@@ -111,19 +111,19 @@ static WARPCAM_NOINLINE void illuminate_eight_as(const LightList& list, const Fa
 }
 
 // By the light on as many corners of the facet, 1 or 3.
-template <bool SHADOWS, bool LINEAR, class Finish_, class... Eye_>
-inline void illuminate_eight(const LightList& list, const Facets& facet, int corners, const Finish_& finish,
-                             Int8 shadow, Lits& lit, const Eye_&... eye)
+template <bool SHADOWS, bool LINEAR, class Material_, class... Eye_>
+inline void illuminate_eight(const LightList& list, const GouraudTriangle8& gouraud, int corners,
+                             const Material_& material, Int8 shadow, Lits& lit, const Eye_&... eye)
 {
     if (list.colored)
-        illuminate_eight_as<SHADOWS, LINEAR, Vec3x8>(list, facet, corners, finish, shadow, lit, eye...);
+        illuminate_eight_as<SHADOWS, LINEAR, Vec3x8>(list, gouraud, corners, material, shadow, lit, eye...);
     else
-        illuminate_eight_as<SHADOWS, LINEAR, Float8>(list, facet, corners, finish, shadow, lit, eye...);
+        illuminate_eight_as<SHADOWS, LINEAR, Float8>(list, gouraud, corners, material, shadow, lit, eye...);
 }
 
 // Lights eight vertices of a plane; results are `stride` numbers apart.
 template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 normal,
-                                                                   const ResolvedMaterial& finish, int stride,
+                                                                   const ResolvedMaterial& material, int stride,
                                                                    int count, float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(Float8);
@@ -143,17 +143,17 @@ template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightLi
         const Light& light = list.lights[n];
         const Arrivals arrival = arrivals_of(light, vertex);
         const Float8 strength = arrival.shone ? strength_of(light, arrival) : (Float8)0.0f;
-        const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, finish);
+        const LightWeights<Float8> share = shares_of(light, vertex, arrival, strength, material);
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(clip(reflected<Vec3x8>(own, of_casting(finish))), slot);
+            keep(clip(reflected<Vec3x8>(own, of_casting(material))), slot);
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(clip(reflected<Vec3x8>(steady, always_on(list, finish), finish)), 0);
+    keep(clip(reflected<Vec3x8>(steady, always_on(list, material), material)), 0);
 }
 
 // Lights a packet of pixels from cached vertices, as light_from_corners() does for one.
@@ -181,9 +181,9 @@ WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& 
                 for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
                     values[k * grid.stride + n] = 0.0f;
         if (grid.grey)
-            light_eight_corners<Float8, Grid::SHADOWS>(list, place, normal, look.finish, grid.stride, count, values);
+            light_eight_corners<Float8, Grid::SHADOWS>(list, place, normal, look.material, grid.stride, count, values);
         else
-            light_eight_corners<Vec3x8, Grid::SHADOWS>(list, place, normal, look.finish, grid.stride, count, values);
+            light_eight_corners<Vec3x8, Grid::SHADOWS>(list, place, normal, look.material, grid.stride, count, values);
     }
 }
 

@@ -52,30 +52,30 @@ template <class Number> WARPCAM_DEVICE Number smith_visibility(Number to_light, 
     return 0.5f / max(masked + shadowed, 1.0e-7f);
 }
 
-template <class Vector> WARPCAM_DEVICE Vector fresnel(const Bsdf<Vector>& skin, NumberOf<Vector> cosine)
+template <class Vector> WARPCAM_DEVICE Vector fresnel(const Bsdf<Vector>& bsdf, NumberOf<Vector> cosine)
 {
     const NumberOf<Vector> rest = 1.0f - saturate(cosine), rest2 = rest * rest, rest5 = rest2 * rest2 * rest;
-    return skin.straight + rest5 * (Vector { skin.grazing, skin.grazing, skin.grazing } - skin.straight);
+    return bsdf.straight + rest5 * (Vector { bsdf.grazing, bsdf.grazing, bsdf.grazing } - bsdf.straight);
 }
 
 // Light reflected to the eye from one direction, times pi: by the base, without the cosine to the light, and by the
-// microfacets, with it. `spread` is the squared sine of half the angle under which the light is seen. Halved, as
+// microfacets, with it. `sine_squared` is the squared sine of half the angle under which the light is seen. Halved, as
 // microfacets halve angles, it widens their distribution, so that a light's mirror image is as bright as the light.
 template <class Vector> struct BsdfValue {
     Vector matt, gloss;
 };
 
 template <class Vector, class Number = NumberOf<Vector>>
-WARPCAM_DEVICE BsdfValue<Vector> reflection_of(const Bsdf<Vector>& skin, Vector normal, Vector to_light, Vector to_eye,
-                                               Number eye_cosine, Number spread)
+WARPCAM_DEVICE BsdfValue<Vector> reflection_of(const Bsdf<Vector>& bsdf, Vector normal, Vector to_light, Vector to_eye,
+                                               Number eye_cosine, Number sine_squared)
 {
     const Vector half = normalized(to_light + to_eye);
     const Number light_cosine = saturate(dot(normal, to_light));
-    const Vector mirrored = fresnel(skin, dot(to_eye, half));
-    const Number wide = min(skin.square + 0.25f * spread, 1.0f);
+    const Vector mirrored = fresnel(bsdf, dot(to_eye, half));
+    const Number wide = min(bsdf.square + 0.25f * sine_squared, 1.0f);
     const Number gloss =
-        PI * light_cosine * ggx_ndf(normal, half, wide) * smith_visibility(light_cosine, eye_cosine, skin.square);
-    return { mul(skin.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
+        PI * light_cosine * ggx_ndf(normal, half, wide) * smith_visibility(light_cosine, eye_cosine, bsdf.square);
+    return { mul(bsdf.matt, broadcast<Vector>({ 1.0f, 1.0f, 1.0f }) - mirrored), gloss * mirrored };
 }
 
 // Light that leaves the facets only after more bounces, which `lost` of it does.
@@ -88,20 +88,20 @@ WARPCAM_DEVICE Vec3 multiple_scattering(float lost, Vec3 single, Vec3 mean)
 
 // Light reflected to the eye from everywhere: of the mean irradiance, `even`, and of the radiance from about the mirror
 // direction, `mirrored`.
-template <class Vector> WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& skin, NumberOf<Vector> eye_cosine,
+template <class Vector> WARPCAM_DEVICE Vector environment_brdf(const Bsdf<Vector>& bsdf, NumberOf<Vector> eye_cosine,
                                                                Vector even, Vector mirrored)
 {
     using Number = NumberOf<Vector>;
-    const Number r = skin.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;
+    const Number r = bsdf.roughness, x = 1.0f - r, y = 0.0425f - 0.0275f * r;
     const Number fade = min(x * x, exp2(-9.28f * eye_cosine)) * x + y;
     const Number scale = max(-1.04f * fade + 1.04f - 0.572f * r, 0.0f);
     const Number offset = max(1.04f * fade - 0.04f + 0.022f * r, 0.0f);
     const Number lost = max(1.0f - scale - offset, 0.0f);  // by facets that light leaves only after more bounces
-    const Number edge = offset * skin.grazing, part = 1.0f / 21.0f;
+    const Number edge = offset * bsdf.grazing, part = 1.0f / 21.0f;
     const Vector one = broadcast<Vector>({ 1.0f, 1.0f, 1.0f }),
-                 single = scale * skin.straight + Vector { edge, edge, edge };
-    const Vector mean = skin.straight + part * (one - skin.straight), again = multiple_scattering(lost, single, mean);
-    return mul(single, mirrored) + mul(again + mul(skin.matt, one - single - again), even);
+                 single = scale * bsdf.straight + Vector { edge, edge, edge };
+    const Vector mean = bsdf.straight + part * (one - bsdf.straight), again = multiple_scattering(lost, single, mean);
+    return mul(single, mirrored) + mul(again + mul(bsdf.matt, one - single - again), even);
 }
 
 }  // namespace warpcam

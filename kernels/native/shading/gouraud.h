@@ -25,7 +25,7 @@ using GouraudTriangle = GouraudTriangleOf<Vec3>;
 // there, `a` and `b` the hit's coordinates on them.
 template <class Vector, class Number = NumberOf<Vector>>
 WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a, Number b, CellSpan<Number> u,
-                            CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& facet)
+                            CellSpan<Number> v, MaskOf<Vector> mirrored, GouraudTriangleOf<Vector>& gouraud)
 {
     const Number none = 0.0f, one = 1.0f;
     const Number weight1 = clamp((a - u.start) * rcp(max(u.length, 1.0e-20f)), none, one);
@@ -35,12 +35,12 @@ WARPCAM_DEVICE void in_quad(Vector place, Vector along, Vector across, Number a,
     const auto other = weight1 + weight2 > one;
     u = { other ? u.start + u.length : u.start, other ? -u.length : u.length };
     v = { other ? v.start + v.length : v.start, other ? -v.length : v.length };
-    facet.weight1 = other ? one - weight1 : weight1;
-    facet.weight2 = other ? one - weight2 : weight2;
-    facet.place[0] = place + (u.start - a) * along + (v.start - b) * across;
-    facet.place[1] = facet.place[0] + u.length * along;
-    facet.place[2] = facet.place[0] + v.length * across;
-    facet.three = true;
+    gouraud.weight1 = other ? one - weight1 : weight1;
+    gouraud.weight2 = other ? one - weight2 : weight2;
+    gouraud.place[0] = place + (u.start - a) * along + (v.start - b) * across;
+    gouraud.place[1] = gouraud.place[0] + u.length * along;
+    gouraud.place[2] = gouraud.place[0] + v.length * across;
+    gouraud.three = true;
 }
 
 // One of the equal cells of a box's side.
@@ -62,30 +62,30 @@ WARPCAM_DEVICE Vec3 corner_normal(const Meshes& meshes, const ShapeFromCamera& p
 
 // `place` is the hit in the camera's frame. What is on a plane without `cells` is lit at its place.
 template <class Types, class Appearances, class Meshes>
-WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface,
-                             Vec3 place, GouraudTriangle& facet, bool cells = true)
+WARPCAM_DEVICE void gouraud_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction& surface,
+                               Vec3 place, GouraudTriangle& gouraud, bool cells = true)
 {
     constexpr bool HAS_PLANE = Types::has(PLANE), HAS_BOX = Types::has(BOX);
     const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
-    facet.place[0] = facet.place[1] = facet.place[2] = place;
-    facet.weight1 = facet.weight2 = 0.0f;
-    facet.three = false;
+    gouraud.place[0] = gouraud.place[1] = gouraud.place[2] = place;
+    gouraud.weight1 = gouraud.weight2 = 0.0f;
+    gouraud.three = false;
     if (Types::has_any(MESH, HEIGHT_FIELD) && (type == MESH || (type == HEIGHT_FIELD && surface.part == TOP))) {
         const Triangle& triangle = surface.triangle;
-        facet.weight1 = surface.weight1;
-        facet.weight2 = surface.weight2;
-        facet.place[0] = pose.seen(triangle.origin - pose.eye());
-        facet.place[1] = facet.place[0] + pose.seen(triangle.edge1);
-        facet.place[2] = facet.place[0] + pose.seen(triangle.edge2);
-        facet.three = true;
+        gouraud.weight1 = surface.weight1;
+        gouraud.weight2 = surface.weight2;
+        gouraud.place[0] = pose.seen(triangle.origin - pose.eye());
+        gouraud.place[1] = gouraud.place[0] + pose.seen(triangle.edge1);
+        gouraud.place[2] = gouraud.place[0] + pose.seen(triangle.edge2);
+        gouraud.three = true;
     }
     if (Types::has(MESH) && type == MESH && !surface.flat) {
         for (int k = 0; k < 3; ++k)
-            facet.normal[k] = corner_normal<Types>(meshes, pose, surface.corner + k);
+            gouraud.normal[k] = corner_normal<Types>(meshes, pose, surface.corner + k);
         return;
     }
-    facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
+    gouraud.normal[0] = gouraud.normal[1] = gouraud.normal[2] = pose.seen(surface.normal);
     bool quad = false, mirrored = false;
     int u_axis = 0, v_axis = 1;
     CellSpan<float> u, v;
@@ -112,7 +112,7 @@ WARPCAM_DEVICE void facet_at(const Appearances& look, const Meshes& meshes, cons
     if ((HAS_PLANE || HAS_BOX) && quad) {
         const Vec3 along = as_vec3(u_axis == 0 ? pose.axis_x : pose.axis_y);
         const Vec3 across = as_vec3(v_axis == 1 ? pose.axis_y : pose.axis_z);
-        in_quad(place, along, across, a, b, u, v, mirrored, facet);
+        in_quad(place, along, across, a, b, u, v, mirrored, gouraud);
     }
 }
 

@@ -6,11 +6,11 @@
 namespace warpcam {
 
 // Dims a material as seen in a mirror: its colour weaker, its highlights unchanged.
-WARPCAM_DEVICE void dim(ResolvedMaterial& finish, float strength)
+WARPCAM_DEVICE void dim(ResolvedMaterial& material, float strength)
 {
-    finish.color.x *= strength;
-    finish.color.y *= strength;
-    finish.color.z *= strength;
+    material.color.x *= strength;
+    material.color.y *= strength;
+    material.color.z *= strength;
 }
 
 // Adds what the mirror shows, which has been drawn into the images, to the mirror's own colour.

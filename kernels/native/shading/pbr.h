@@ -15,40 +15,40 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 // The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
 // light l, of those that are kept, does not reach it.
 template <int FACTS, class Scene_, class Vector>
-WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& paint, const AreaLights& list, const Scene_& scene,
+WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const AreaLights& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
                                      IntOf<Vector> shadow)
 {
     using Number = NumberOf<Vector>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, IMAGE = FACTS & HAS_SKYBOX;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
-    Vector light = paint.glow, around { none, none, none };
+    Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
-        const AreaLight& lamp = list.lamps[n];
-        const MaskOf<Vector> reached = (lamp.place.w & shadow) == 0;
+        const AreaLight& area_light = list.area_lights[n];
+        const MaskOf<Vector> reached = (area_light.place.w & shadow) == 0;
         if (SHADOWS && !any(reached))
             continue;
-        const AreaLightSample<Vector> shine = sample_light(lamp, place);
-        const Number share = SHADOWS ? (reached ? shine.share : none) : shine.share;
-        if (lamp.diffuse.w & AMBIENT)
-            around = around + share * broadcast<Vector>(as_vec3(lamp.ambient));
-        const Number cosine = clipped_cosine(dot(normal, shine.to_light), shine.spread);
+        const AreaLightSample<Vector> light_sample = sample_light(area_light, place);
+        const Number share = SHADOWS ? (reached ? light_sample.share : none) : light_sample.share;
+        if (area_light.diffuse.w & AMBIENT)
+            around = around + share * broadcast<Vector>(as_vec3(area_light.ambient));
+        const Number cosine = clipped_cosine(dot(normal, light_sample.to_light), light_sample.sine_squared);
         const MaskOf<Vector> lit = share * cosine > 0.0f;
         if (!any(lit))
             continue;
         const BsdfValue<Vector> back =
-            reflection_of(paint.skin, normal, shine.to_light, to_eye, eye_cosine, shine.spread);
+            reflection_of(inputs.bsdf, normal, light_sample.to_light, to_eye, eye_cosine, light_sample.sine_squared);
         const Vector own = share
-                           * (cosine * mul(back.matt, broadcast<Vector>(as_vec3(lamp.diffuse)))
-                              + mul(back.gloss, broadcast<Vector>(as_vec3(lamp.specular))));
+                           * (cosine * mul(back.matt, broadcast<Vector>(as_vec3(area_light.diffuse)))
+                              + mul(back.gloss, broadcast<Vector>(as_vec3(area_light.specular))));
         light = select(lit, light + own, light);
     }
     const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
     const Vector even = around + sky_on(list.sky, up);
     const Vector mirrored =
-        around + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, paint.skin.roughness);
-    return light + paint.open * environment_brdf(paint.skin, eye_cosine, even, mirrored);
+        around + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, inputs.bsdf.roughness);
+    return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
 
 // `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's.
@@ -58,13 +58,13 @@ WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& 
                                      Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
 {
     Vec3 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
-    const PbrInputs<Vec3> paint = paint_at<Types, LENS, (FACTS & HAS_MAPS) != 0>(
+    const PbrInputs<Vec3> inputs = pbr_inputs_at<Types, LENS, (FACTS & HAS_MAPS) != 0>(
         look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color, normal);
     normal = look.pose.seen(normal);
     Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         to_eye = -CameraRay<LENS> { x, y }.direction();
-    return physical_light<FACTS>(paint, list, scene, camera.rotation, place, normal, to_eye, shadow);
+    return physical_light<FACTS>(inputs, list, scene, camera.rotation, place, normal, to_eye, shadow);
 }
 
 }  // namespace warpcam

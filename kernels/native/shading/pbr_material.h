@@ -8,8 +8,8 @@ namespace warpcam {
 
 // Material inputs of a surface point.
 template <class Vector> struct PbrInputs {
-    Bsdf<Vector> skin;
-    Vector glow;            // what it emits
+    Bsdf<Vector> bsdf;
+    Vector emission;            // what it emits
     NumberOf<Vector> open;  // share of the light from all around that reaches it
 };
 
@@ -27,17 +27,17 @@ WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
 
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <class Types, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
-WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
-                                        const Camera& camera, float x, float y, const SurfaceInteraction& surface,
-                                        Vec3 ray, float depth, Vec3 color, Vec3& normal)
+WARPCAM_DEVICE PbrInputs<Vec3> pbr_inputs_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                             const Camera& camera, float x, float y, const SurfaceInteraction& surface,
+                                             Vec3 ray, float depth, Vec3 color, Vec3& normal)
 {
-    const PbrMaterial& coat = look.finish;
-    float roughness = coat.gloss.x, metallic = coat.gloss.y;
-    PbrInputs<Vec3> paint { {}, as_vec3(coat.glow), 1.0f };
+    const PbrMaterial& material = look.material;
+    float roughness = material.gloss.x, metallic = material.gloss.y;
+    PbrInputs<Vec3> inputs { {}, as_vec3(material.emission), 1.0f };
     if constexpr (MAPS) {
-        const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
+        const int normals = material.normals, packed = material.gloss.w, emission_map = material.emission.w;
         const ShapeFromCamera& pose = look.pose;
-        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
+        if ((normals >= 0 || packed >= 0 || emission_map >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
             const Vec3 right = pose.local(step_right<LENS>(camera, x, y, depth));
             const Vec3 down = pose.local(step_down<LENS>(camera, x, y, depth));
             Mapping at = map_2d<Types>(pose, look.layout, meshes, surface);
@@ -48,14 +48,14 @@ WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& m
             if (is_texture(textures, packed)) {
                 const Image image = load_image(textures, packed);
                 const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                paint.open = read.x;
+                inputs.open = read.x;
                 roughness *= read.y;
                 metallic *= read.z;
             }
-            if (is_texture(textures, glowing)) {
-                const Image image = load_image(textures, glowing);
+            if (is_texture(textures, emission_map)) {
+                const Image image = load_image(textures, emission_map);
                 const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                paint.glow = mul(paint.glow, srgb_to_linear(read));
+                inputs.emission = mul(inputs.emission, srgb_to_linear(read));
             }
             if (is_texture(textures, normals)) {
                 const Image image = load_image(textures, normals);
@@ -64,8 +64,8 @@ WARPCAM_DEVICE PbrInputs<Vec3> paint_at(const Appearances& look, const Meshes& m
             }
         }
     }
-    paint.skin = make_bsdf(mul(as_vec3(coat.color), color), roughness, metallic, coat.gloss.z);
-    return paint;
+    inputs.bsdf = make_bsdf(mul(as_vec3(material.color), color), roughness, metallic, material.gloss.z);
+    return inputs;
 }
 
 }  // namespace warpcam

@@ -31,18 +31,18 @@ template <class Textures> inline Vec3x8 sky_image(const Textures& textures, cons
 
 // `steps(right, down)` says how far it is to what the next pixels show.
 template <class Types, bool MAPS, class Appearances, class Meshes, class Textures, class Steps>
-inline void paints_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
-                      const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
-                      PbrInputs<Vec3x8>& paint)
+inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const Textures& textures, const Steps& steps,
+                           const SurfaceInteraction8& surface, const Vec3x8& ray, const Vec3x8& color, Vec3x8& normal,
+                           PbrInputs<Vec3x8>& inputs)
 {
-    const PbrMaterial& coat = look.finish;
+    const PbrMaterial& material = look.material;
     const ShapeFromCamera& pose = look.pose;
-    Float8 roughness = coat.gloss.x, metallic = coat.gloss.y;
-    paint.glow = broadcast(as_vec3(coat.glow));
-    paint.open = 1.0f;
+    Float8 roughness = material.gloss.x, metallic = material.gloss.y;
+    inputs.emission = broadcast(as_vec3(material.emission));
+    inputs.open = 1.0f;
     if constexpr (MAPS) {
-        const int normals = coat.normals, packed = coat.gloss.w, glowing = coat.glow.w;
-        if ((normals >= 0 || packed >= 0 || glowing >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
+        const int normals = material.normals, packed = material.gloss.w, emission_map = material.emission.w;
+        if ((normals >= 0 || packed >= 0 || emission_map >= 0) && !(Types::has(PLANE) && pose.type() == PLANE)) {
             Vec3x8 right, down;
             steps(right, down);
             Footprints at;
@@ -56,12 +56,12 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
             };
             if (is_texture(textures, packed)) {
                 const Vec3x8 map = read(packed);
-                paint.open = map.x;
+                inputs.open = map.x;
                 roughness *= map.y;
                 metallic *= map.z;
             }
-            if (is_texture(textures, glowing))
-                paint.glow = mul(paint.glow, srgb_to_linear(read(glowing)));
+            if (is_texture(textures, emission_map))
+                inputs.emission = mul(inputs.emission, srgb_to_linear(read(emission_map)));
             if (is_texture(textures, normals)) {
                 const Vec3x8 map = (Float8)2.0f * read(normals) - broadcast({ 1.0f, 1.0f, 1.0f });
                 for (int k = 0; k < SIMD_WIDTH; ++k) {
@@ -71,7 +71,7 @@ inline void paints_at(const Appearances& look, const Meshes& meshes, const Textu
             }
         }
     }
-    paint.skin = make_bsdf(mul(broadcast(as_vec3(coat.color)), color), roughness, metallic, coat.gloss.z);
+    inputs.bsdf = make_bsdf(mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
 }
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
@@ -83,10 +83,10 @@ WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look,
                                                         Int8 shadow, Vec3x8& light)
 {
     Vec3x8 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
-    PbrInputs<Vec3x8> paint;
-    paints_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color, normal,
-                                              paint);
-    light = physical_light<FACTS>(paint, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
+    PbrInputs<Vec3x8> inputs;
+    pbr_inputs8_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
+                                                   normal, inputs);
+    light = physical_light<FACTS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
 }
 
 }  // namespace warpcam

@@ -5,7 +5,7 @@
 namespace warpcam {
 
 // The texture's colour where a ray, in the plane's frame, meets it.
-template <bool ON_SHEETS> WARPCAM_DEVICE Vec3 floor_texture(const FloorView& view, const unsigned* texels, Vec3 ray,
+template <bool USE_ATLAS> WARPCAM_DEVICE Vec3 floor_texture(const FloorView& view, const unsigned* texels, Vec3 ray,
                                                             float depth, float x, float y)
 {
     const Float3Int place = view.place, right = view.right, down = view.down;
@@ -17,8 +17,8 @@ template <bool ON_SHEETS> WARPCAM_DEVICE Vec3 floor_texture(const FloorView& vie
                                          square * (down_u * down_u + down_v * down_v), view.count);
     const int steps = int(detail);
 #if defined(__CUDA_ARCH__)
-    if (ON_SHEETS && view.sheet)
-        return sample_sheet(view.sheet, view.levels[steps], view.levels[min(steps + 1, view.count - 1)],
+    if (USE_ATLAS && view.atlas)
+        return sample_atlas(view.atlas, view.levels[steps], view.levels[min(steps + 1, view.count - 1)],
                             place.x * x + place.z, place.y * y + as_float(place.w), detail - float(steps));
 #endif
     const Float3Int row = view.levels[steps];
@@ -115,7 +115,7 @@ template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, c
 // Shades a pixel of the plane from its cached vertices; returns false if they do not cover the pixel. `found` is the
 // trace's result there, `shadow_at()` the lights that do not reach it. All threads of a warp call it together. APART:
 // pixels that show something else are left out; otherwise such a pixel makes it return false for the whole warp.
-template <bool TEXTURED, bool APART, bool ON_SHEETS, class Grid, class Textures, class Shadow>
+template <bool TEXTURED, bool APART, bool USE_ATLAS, class Grid, class Textures, class Shadow>
 WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const Hit& found, const Shadow& shadow_at,
                                float x, float y, Vec3& display)
 {
@@ -133,7 +133,7 @@ WARPCAM_DEVICE bool draw_floor(const Grid& grid, const Textures& textures, const
     const int shadow = Grid::SHADOWS ? shadow_at() : 0;
     Vec3 texture { 1.0f, 1.0f, 1.0f };
     if (TEXTURED && view.count > 0)
-        texture = floor_texture<ON_SHEETS>(view, textures.texels.data, ray, found.depth, local.x, local.y);
+        texture = floor_texture<USE_ATLAS>(view, textures.texels.data, ray, found.depth, local.x, local.y);
     display = mul(light_from_corners(grid, on, shadow), texture);
     return !APART || on.inside;
 }

@@ -63,8 +63,8 @@ struct FloorView {
     Float3Int right, down;
     // Mip levels of the texture: width, height and start (bits of floats); w: start of the next. With a mip atlas all
     // are floats, the last two the level's left and top there.
-    Float3Int levels[MAX_LEVELS + 1];  // on a sheet the last of them twice
-    unsigned long long sheet;  // see Textures.sheets; 0: none
+    Float3Int levels[MAX_LEVELS + 1];  // in an atlas the last of them twice
+    unsigned long long atlas;  // see Textures.atlases; 0: none
     int count;  // of levels
     int plain;  // 1: it has a texture of one image, or none
 };
@@ -145,10 +145,10 @@ WARPCAM_DEVICE float team_sum(float value)
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for
-// these around what is near. A team calls it. `sheet`: of the plane's texture, see Textures.sheets; 0: none.
+// these around what is near. A team calls it. `atlas`: of the plane's texture, see Textures.atlases; 0: none.
 template <int LENS, class Grid, class Appearances, class Frame>
 WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appearances& look, const Camera& camera,
-                                   const Region& region, const Frame& frame, unsigned long long sheet, bool mirrored,
+                                   const Region& region, const Frame& frame, unsigned long long atlas, bool mirrored,
                                    int lane)
 {
     if (frame.plane < 0 || look.cells.u.step == 0.0f) {
@@ -162,8 +162,8 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     const Vec3 eye = pose.eye();
     float u[EACH], v[EACH], depth[EACH];
     int stride = 1, casting = 0;
-    const bool grey =
-        !list.colored && look.finish.color.x == look.finish.color.y && look.finish.color.x == look.finish.color.z;
+    const bool grey = !list.colored && look.material.color.x == look.material.color.y
+                      && look.material.color.x == look.material.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
@@ -174,15 +174,15 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
             float(region.left) + float(sample % SAMPLE_COLUMNS) * (float(region.width - 1) / float(SAMPLE_COLUMNS - 1));
         const float j =
             float(region.top) + float(sample / SAMPLE_COLUMNS) * (float(region.height - 1) / float(SAMPLE_ROWS - 1));
-        CameraRay<LENS> sight { 0.0f, 0.0f };
+        CameraRay<LENS> camera_ray { 0.0f, 0.0f };
         if constexpr (LENS == RAYS)
-            sight = table_ray(camera, int(i), int(j));
+            camera_ray = table_ray(camera, int(i), int(j));
         else
-            sight = { image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j) };
-        const Vec3 ray = pose.local(sight.direction());
-        const Vec3 start = has_centre(LENS) ? eye : eye + pose.local({ sight.x, sight.y, 0.0f });
+            camera_ray = { image_x(camera, mirrored ? float(frame.width - 1) - i : i), image_y(camera, j) };
+        const Vec3 ray = pose.local(camera_ray.direction());
+        const Vec3 start = has_centre(LENS) ? eye : eye + pose.local({ camera_ray.x, camera_ray.y, 0.0f });
         const float away = -start.z * rcp(avoid_zero(ray.z));
-        const bool seen = start.z * ray.z < 0.0f && away < camera.far && !(LENS == RAYS && sight.x >= NO_RAY);
+        const bool seen = start.z * ray.z < 0.0f && away < camera.far && !(LENS == RAYS && camera_ray.x >= NO_RAY);
         depth[k] = seen ? away : MISS;
         u[k] = clamp(u_axis.at(start.x + away * ray.x), u_axis.low - 1.0f, u_axis.high + 0.999f);
         v[k] = clamp(v_axis.at(start.y + away * ray.y), v_axis.low - 1.0f, v_axis.high + 0.999f);
@@ -227,7 +227,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         }
         limit = 0.85f * far;
     }
-    list_levels(grid.view, look, sheet, lane);
+    list_levels(grid.view, look, atlas, lane);
     if (lane != 0)
         return;
     grid.u = u_axis;
@@ -255,7 +255,7 @@ WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
 
 // Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
-WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& finish,
+WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& material,
                                  float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
@@ -272,21 +272,21 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
             arrival = arrival_of<true>(light, corner, 1.0f);
             if (light.ambient.w & FADES)
                 arrival.strength *= faded(light, corner);
-            share = share_of<true>(light, corner, arrival, finish.gloss.z);
+            share = share_of<true>(light, corner, arrival, material.gloss.z);
         } else {
             arrival = arrival_of<false>(light, corner, 1.0f);
-            share = share_of<false>(light, corner, arrival, finish.gloss.z);
+            share = share_of<false>(light, corner, arrival, material.gloss.z);
         }
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected<Vec3>(own, of_casting(finish))), Sum {});
+            keep(values + slot, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
             slot += CHANNELS;
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, shown(reflected<Vec3>(steady, always_on(list, finish), finish)), Sum {});
+    keep(values, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
@@ -303,7 +303,7 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                                             corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
         if (grid.few) {
             for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
                 values[n] = 0.0f;
@@ -311,21 +311,21 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                 values[0] += values[n];
         }
         if (!grid.grey)
-            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.finish, values);
+            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
     }
 }
 
 template <class Appearances>
-WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsigned long long sheet, int lane)
+WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsigned long long atlas, int lane)
 {
     if constexpr (Appearances::TEXTURED) {
         const Image& image = look.layout.image;
         if (lane == 0)
-            view.sheet = sheet;
+            view.atlas = atlas;
         for (int i = lane; i < min(image.levels, MAX_LEVELS) + 1; i += WARP_OR_ONE) {
             const Level level = Level { image.start, image.width, image.height }.after(i, 1);
-            if (sheet) {
-                view.levels[i] = level_on_sheet(image, min(i, image.levels - 1));
+            if (atlas) {
+                view.levels[i] = level_in_atlas(image, min(i, image.levels - 1));
                 continue;
             }
             view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start),
@@ -360,16 +360,16 @@ WARPCAM_DEVICE void view_floor(FloorView& view, const Appearances& look, const C
     }
 }
 
-// A team calls it. `sheet` as above.
+// A team calls it. `atlas` as above.
 template <class Appearances> WARPCAM_DEVICE void see_floor(BareGrid& grid, const Appearances& look,
-                                                           const Camera& camera, int plane, unsigned long long sheet,
+                                                           const Camera& camera, int plane, unsigned long long atlas,
                                                            int lane)
 {
-    list_levels(grid.view, look, sheet, lane);
+    list_levels(grid.view, look, atlas, lane);
     if (lane != 0)
         return;
     view_floor(grid.view, look, camera);
-    grid.color = clip(as_vec3(look.finish.color));
+    grid.color = clip(as_vec3(look.material.color));
     grid.shape = plane;
 }
 

@@ -11,7 +11,7 @@ struct ResolvedMaterial {
 
 // Material of coincident shapes. The last of them is visible, but light that casts shadows is added once for each, as
 // MuJoCo's renderer does: its light passes draw all of them where the last was drawn.
-struct JointFinish : ResolvedMaterial {
+struct JointMaterial : ResolvedMaterial {
     Float3Int joint;  // sums over all of them: RGB; w: bits of what is specular
 };
 
@@ -21,13 +21,13 @@ struct Reflectance {
     float gloss;
 };
 
-WARPCAM_DEVICE Reflectance of_casting(const ResolvedMaterial& finish)
+WARPCAM_DEVICE Reflectance of_casting(const ResolvedMaterial& material)
 {
-    return { as_vec3(finish.color), finish.gloss.y };
+    return { as_vec3(material.color), material.gloss.y };
 }
-WARPCAM_DEVICE Reflectance of_casting(const JointFinish& finish)
+WARPCAM_DEVICE Reflectance of_casting(const JointMaterial& material)
 {
-    return { as_vec3(finish.joint), as_float(finish.joint.w) };
+    return { as_vec3(material.joint), as_float(material.joint.w) };
 }
 
 // The index of a shape's material, or -1: indices can be written by the user at any time.
@@ -59,21 +59,21 @@ template <bool MATERIAL, class Shapes, class Materials>
 WARPCAM_DEVICE ResolvedMaterial load_material(const Shapes& shapes, const Materials& materials, int world, int id)
 {
     auto color = per_world(shapes.colors, world, id);
-    ResolvedMaterial finish { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
+    ResolvedMaterial material { { 0.0f, 0.0f, 0.0f, -1 }, { 0.0f, 0.5f, 64.0f, 0 } };
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (MATERIAL && index >= 0) {
         if (color[0] == 0.5f && color[1] == 0.5f && color[2] == 0.5f && color[3] == 1.0f)
             color = per_world(materials.color, world, index);
-        finish.color.w = texture_of(materials, world, index);
-        finish.gloss.x = per_world(materials.emission, world, index);
-        finish.gloss.y = per_world(materials.specular, world, index);
-        finish.gloss.z =
+        material.color.w = texture_of(materials, world, index);
+        material.gloss.x = per_world(materials.emission, world, index);
+        material.gloss.y = per_world(materials.specular, world, index);
+        material.gloss.z =
             128.0f * min(max(per_world(materials.shininess, world, index), 0.0f), 1.0f);  // as OpenGL takes
     }
-    finish.color.x = color[0];
-    finish.color.y = color[1];
-    finish.color.z = color[2];
-    return finish;
+    material.color.x = color[0];
+    material.color.y = color[1];
+    material.color.z = color[2];
+    return material;
 }
 
 // True if both shapes coincide now, as they did when the scene was built.
@@ -87,9 +87,9 @@ template <class Shapes> WARPCAM_DEVICE bool coincide(const Shapes& shapes, int w
 
 template <bool MATERIAL, class Shapes, class Materials>
 WARPCAM_DEVICE Float3Int load_joint(const Shapes& shapes, const Materials& materials, int world, int id,
-                                    const ResolvedMaterial& finish)
+                                    const ResolvedMaterial& material)
 {
-    Reflectance sum = of_casting(finish);
+    Reflectance sum = of_casting(material);
     int other = opacity(shapes, materials, world, id) >= SOLID ? int(wp::index(shapes.coincident, id)) : -1;
     for (; other >= 0 && other != id; other = wp::index(shapes.coincident, other)) {
         if (!coincide(shapes, world, id, other) || opacity(shapes, materials, world, other) < SOLID)

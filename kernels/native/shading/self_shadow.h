@@ -6,8 +6,7 @@
 
 namespace warpcam {
 
-constexpr int SHADES_ITSELF = 1 << HEIGHT_FIELD | 1 << SPHERE | 1 << CAPSULE | 1 << ELLIPSOID | 1 << CYLINDER | 1 << BOX
-                              | 1 << CONE | 1 << BARREL;
+constexpr int SHADES_ITSELF = 1 << HEIGHT_FIELD | types_with([](auto shape) { return shape.SHADES_ITSELF; });
 
 // The map of a light that dims, in the camera's frame.
 WARPCAM_DEVICE ShadowMap map_of(const LightList& list, const Light& light, const Camera& camera)

@@ -62,8 +62,8 @@ WARPCAM_DEVICE Vec3 sample_at(const Appearances& look, const Textures& textures,
     const TextureLayout& layout = look.layout;
     shift(look, at.u, at.v);
 #if defined(__CUDA_ARCH__)
-    if (Appearances::ON_SHEETS && layout.sheet)
-        return sample_2d_sheet(layout.sheet, layout.image, at.u, at.v, at.right, at.down);
+    if (Appearances::USE_ATLAS && layout.atlas)
+        return sample_2d_atlas(layout.atlas, layout.image, at.u, at.v, at.right, at.down);
 #endif
     return sample_2d(textures.texels.data, layout.image, at.u, at.v, at.right, at.down);
 }
@@ -88,8 +88,8 @@ WARPCAM_DEVICE Vec3 texture_color(const Appearances& look, const Meshes& meshes,
         const Vec3 to_right = mul(mapping.scale, slide(right, ray, surface.normal));
         const Vec3 to_below = mul(mapping.scale, slide(down, ray, surface.normal));
 #if defined(__CUDA_ARCH__)
-        if (Appearances::ON_SHEETS && layout.sheet)
-            return sample_cube_sheet(layout.sheet, layout.image, mapping.direction, to_right, to_below);
+        if (Appearances::USE_ATLAS && layout.atlas)
+            return sample_cube_atlas(layout.atlas, layout.image, mapping.direction, to_right, to_below);
 #endif
         return sample_cube(textures.texels.data, layout.image, mapping.direction, to_right, to_below);
     }
@@ -131,7 +131,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         const Vec3 local = locate_hit<LENS>(pose, x, y, depth, place, ray);
         surface = surface_at<Types>(pose, scene.meshes, scene.fields, found.face, local, ray);
     }
-    if constexpr (Wants::TURNED) {
+    if constexpr (Wants::WORLD_NORMALS) {
         if constexpr (Types::has(LIT_NORMALS))
             shown.normal = look.turn.world(smooth_normal<Types>(look.pose, scene.meshes, surface));
         else
@@ -142,14 +142,14 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
     Vec3 texture { 1.0f, 1.0f, 1.0f };
     if constexpr (Wants::TEXTURED)
         texture = texture_color<Types, LENS>(look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth);
-    if constexpr (Wants::COATED)
+    if constexpr (Wants::PBR)
         texture = srgb_to_linear(texture);
     if constexpr ((IMAGES & ALBEDO) != 0) {
-        shown.albedo = mul(clip(as_vec3(look.finish.color)), texture);
-        if constexpr (Wants::COATED)
+        shown.albedo = mul(clip(as_vec3(look.material.color)), texture);
+        if constexpr (Wants::PBR)
             shown.albedo = linear_to_srgb(shown.albedo);
     }
-    if constexpr (Wants::LIT && Wants::COATED) {
+    if constexpr (Wants::LIT && Wants::PBR) {
         shown.linear = shade_physically<Types, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
                                                             depth, texture, shadow);
         shown.display = linear_to_srgb(shown.linear);
@@ -170,15 +170,15 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
         }
         LitColor lit;
         if (warp_any(!on.inside)) {
-            GouraudTriangle facet;
-            facet_at<Types>(look, scene.meshes, surface, place, facet, !on.inside);
-            const bool three = Types::has_any(PLANE, HEIGHT_FIELD, BOX, MESH) && warp_any(facet.three);
+            GouraudTriangle gouraud;
+            gouraud_at<Types>(look, scene.meshes, surface, place, gouraud, !on.inside);
+            const bool three = Types::has_any(PLANE, HEIGHT_FIELD, BOX, MESH) && warp_any(gouraud.three);
             const auto lit_from = [&](auto... eye) {
-                return three ? light_vertices<3, SHADOWS>(lights, facet, look.finish, shadow, eye...)
-                             : light_vertices<1, SHADOWS>(lights, facet, look.finish, shadow, eye...);
+                return three ? light_vertices<3, SHADOWS>(lights, gouraud, look.material, shadow, eye...)
+                             : light_vertices<1, SHADOWS>(lights, gouraud, look.material, shadow, eye...);
             };
             if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-                lit = lit_from(CameraRay<LENS> { x, y }.beam().start);
+                lit = lit_from(CameraRay<LENS> { x, y }.offset_ray().start);
             else
                 lit = lit_from();
         }

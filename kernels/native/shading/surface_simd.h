@@ -21,32 +21,6 @@ inline SurfaceInteraction get_lane(const SurfaceInteraction8& surface, int k)
              surface.weight2[k] };
 }
 
-inline void ellipsoid_surface(Vec3 half, SurfaceInteraction8& surface)
-{
-    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) };
-    surface.normal = normalized(mul(surface.local, broadcast(mul(rate, rate))));
-}
-
-// Shapes that are seldom seen, one hit at a time.
-template <class Find> inline void each_surface(const Vec3x8& ray, SurfaceInteraction8& surface, const Find& find)
-{
-    for (int k = 0; k < SIMD_WIDTH; ++k) {
-        SurfaceInteraction one {};
-        one.local = get_lane(surface.local, k);
-        find(get_lane(ray, k), one);
-        set_lane(surface.normal, k, one.normal);
-        surface.part[k] = one.part;
-    }
-}
-static WARPCAM_NOINLINE void cone_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
-{
-    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { cone_surface(size, ray, one); });
-}
-static WARPCAM_NOINLINE void barrel_surface(Vec3 size, const Vec3x8& ray, SurfaceInteraction8& surface)
-{
-    each_surface(ray, surface, [&](Vec3 ray, SurfaceInteraction& one) { barrel_surface(size, ray, one); });
-}
-
 template <class HeightFields> WARPCAM_NOINLINE_CPU inline void height_field_surface(const HeightFields& fields,
                                                                                     int field, const int* faces,
                                                                                     SurfaceInteraction8& surface)
@@ -115,27 +89,27 @@ template <class Types, class Appearances> inline bool lit_at_corners(const Appea
            || (Types::has(BOX) && type == BOX);
 }
 
-using Facets = GouraudTriangleOf<Vec3x8>;
+using GouraudTriangle8 = GouraudTriangleOf<Vec3x8>;
 
 template <class Types, class Appearances, class Meshes>
-inline void facet_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place,
-                     Facets& facet)
+inline void gouraud_at(const Appearances& look, const Meshes& meshes, const SurfaceInteraction8& surface, Vec3x8 place,
+                       GouraudTriangle8& gouraud)
 {
     const ShapeFromCamera& pose = look.pose;
     const int type = pose.type();
-    facet.place[0] = facet.place[1] = facet.place[2] = place;
-    facet.weight1 = facet.weight2 = 0.0f;
-    facet.normal[0] = facet.normal[1] = facet.normal[2] = pose.seen(surface.normal);
+    gouraud.place[0] = gouraud.place[1] = gouraud.place[2] = place;
+    gouraud.weight1 = gouraud.weight2 = 0.0f;
+    gouraud.normal[0] = gouraud.normal[1] = gouraud.normal[2] = pose.seen(surface.normal);
     if constexpr (Types::has_any(MESH, HEIGHT_FIELD)) {
         if (type == MESH || type == HEIGHT_FIELD) {
             const TriangleOf<Vec3x8>& triangle = surface.triangle;
             const Int8 on = type == MESH ? (Int8)-1 : surface.part == int(TOP);
             const Vec3x8 first = pose.seen(triangle.origin - broadcast(pose.eye()));
-            facet.weight1 = on ? surface.weight1 : (Float8)0.0f;
-            facet.weight2 = on ? surface.weight2 : (Float8)0.0f;
-            facet.place[0] = select(on, first, place);
-            facet.place[1] = select(on, first + pose.seen(triangle.edge1), place);
-            facet.place[2] = select(on, first + pose.seen(triangle.edge2), place);
+            gouraud.weight1 = on ? surface.weight1 : (Float8)0.0f;
+            gouraud.weight2 = on ? surface.weight2 : (Float8)0.0f;
+            gouraud.place[0] = select(on, first, place);
+            gouraud.place[1] = select(on, first + pose.seen(triangle.edge1), place);
+            gouraud.place[2] = select(on, first + pose.seen(triangle.edge2), place);
         }
     }
     if constexpr (Types::has(MESH)) {
@@ -144,7 +118,7 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
                 Vec3x8 normal = vertex_normal(meshes, surface, i);
                 if (Types::has(PER_SHAPE_SCALE))
                     normal = select(surface.flat, normal, normalized(div(normal, broadcast(as_vec3(pose.size)))));
-                facet.normal[i] = pose.seen(normal);
+                gouraud.normal[i] = pose.seen(normal);
             }
         }
     }
@@ -152,7 +126,7 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
         if (type == PLANE && look.cells.u.step != 0.0f)
             in_quad(place, broadcast(as_vec3(pose.axis_x)), broadcast(as_vec3(pose.axis_y)), surface.local.x,
                     surface.local.y, cell_around(look.cells.u, surface.local.x),
-                    cell_around(look.cells.v, surface.local.y), (Int8)0, facet);
+                    cell_around(look.cells.v, surface.local.y), (Int8)0, gouraud);
     if (Types::has(BOX) && type == BOX) {
         const Int8 axis = surface.part, u_axis = axis == 0 ? (Int8)1 : (Int8)0, v_axis = axis == 2 ? (Int8)1 : (Int8)2;
         const Vec3x8 x = broadcast(as_vec3(pose.axis_x)), y = broadcast(as_vec3(pose.axis_y)),
@@ -161,7 +135,7 @@ inline void facet_at(const Appearances& look, const Meshes& meshes, const Surfac
         const Float8 a = component(surface.local, u_axis), b = component(surface.local, v_axis);
         const Int8 mirrored = (axis == 1) == (component(surface.normal, axis) > 0.0f);
         in_quad(place, select(u_axis == 0, x, y), select(v_axis == 1, y, z), a, b, box_cell(a, component(half, u_axis)),
-                box_cell(b, component(half, v_axis)), mirrored, facet);
+                box_cell(b, component(half, v_axis)), mirrored, gouraud);
     }
 }
 

@@ -25,9 +25,11 @@ struct CubeMapping {
 
 // Maps u once around the z axis from +x and v to `top` - elevation * `scale`, on an ellipsoid of half axes `half`; with
 // a scale of 0 v runs along the axis, from `half.z` to its mirror image.
-WARPCAM_DEVICE void map_round(Vec3 q, Vec3 half, float top, float scale, Mapping& mapping)
+WARPCAM_DEVICE void map_round(const TextureProjection& projection, Mapping& mapping)
 {
-    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) }, unit = mul(q, rate);
+    const Vec3 half = projection.half;
+    const float top = projection.top, scale = projection.scale;
+    const Vec3 rate { rcp(half.x), rcp(half.y), rcp(half.z) }, unit = mul(projection.place, rate);
     const float square = unit.x * unit.x + unit.y * unit.y;
     const float turn = wp::atan2(unit.y, unit.x) * (1.0f / TWO_PI);
     mapping.u = turn < 0.0f ? turn + 1.0f : turn;
@@ -43,13 +45,19 @@ WARPCAM_DEVICE void map_round(Vec3 q, Vec3 half, float top, float scale, Mapping
 }
 
 // Maps u and v over a rectangle.
-WARPCAM_DEVICE void map_flat(Vec3 local, Vec3 half, int u_axis, int v_axis, Mapping& mapping)
+WARPCAM_DEVICE void map_flat(const TextureProjection& projection, Mapping& mapping)
 {
+    const Vec3 local = projection.place, half = projection.half;
+    const int u_axis = projection.u_axis, v_axis = projection.v_axis;
     const float rate_u = 0.5f * rcp(component(half, u_axis)), rate_v = 0.5f * rcp(component(half, v_axis));
     mapping.u = 0.5f + component(local, u_axis) * rate_u;
     mapping.v = 0.5f - component(local, v_axis) * rate_v;
     mapping.du = axis_vector(u_axis, rate_u);
     mapping.dv = axis_vector(v_axis, -rate_v);
+    if (projection.mirrored) {
+        mapping.v = 1.0f - mapping.v;
+        mapping.dv = -mapping.dv;
+    }
 }
 
 // The image laid on from above, for shapes without texture coordinates of their own.
@@ -133,28 +141,16 @@ template <class Types, class Meshes> WARPCAM_DEVICE Mapping map_2d(const ShapeFr
         }
         return mapping;
     }
-    if (Types::has(BOX) && type == BOX)
-        map_flat(local, half, part == 0 ? 1 : 0, part == 2 ? 1 : 2, mapping);
-    const bool round = Types::has_any(CYLINDER, CONE, BARREL)
-                       && (type == CYLINDER || (Types::has_any(CONE, BARREL) && (type == CONE || type == BARREL)));
-    if (round && part != SIDE) {
-        map_flat(local, half, 0, 1, mapping);
-        mapping.v = 1.0f - mapping.v;
-        mapping.dv = -mapping.dv;
-    } else if (Types::has_any(SPHERE, ELLIPSOID, CAPSULE, CYLINDER, CONE, BARREL)
-               && ((type >= SPHERE && type <= CYLINDER) || round)) {
-        Vec3 ball = local, radii = half;
-        float top = 0.5f, scale = 2.0f / TWO_PI;
-        if (type == CAPSULE || round) {
-            scale = 0.0f;
-            if (part != SIDE) {  // each cap has the image's top or bottom half to itself
-                ball.z -= part == TOP ? half.z : -half.z;
-                radii.z = half.x;
-                top = part == TOP ? 1.0f : 0.0f;
-                scale = 4.0f / TWO_PI;
-            }
+    if constexpr ((Types::ANALYTIC & ~(1 << PLANE)) != 0) {
+        if (type != HEIGHT_FIELD && type != MESH) {
+            TextureProjection projection {};
+            visit_shape<Types::ANALYTIC & ~(1 << PLANE)>(
+                type, [&](auto shape) { projection = shape.projection(local, half, part); });
+            if (projection.flat)
+                map_flat(projection, mapping);
+            else
+                map_round(projection, mapping);
         }
-        map_round(ball, radii, top, scale, mapping);
     }
     if (own)
         map_by_corners(meshes, surface, mapping);
@@ -227,11 +223,7 @@ template <class Types> WARPCAM_DEVICE CubeMapping map_cube(const ShapeFromCamera
     Vec3 place = surface.local, scale { 1.0f, 1.0f, 1.0f };  // planes, height fields and meshes: metres
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
         scale = { rcp(half.x), rcp(half.y), rcp(half.z) };
-    if (Types::has(CAPSULE) && type == CAPSULE && surface.part != SIDE) {
-        // Each cap is a unit sphere whose middle is one above or below the origin.
-        scale = { scale.x, scale.x, scale.x };
-        place.z += (surface.part == BOTTOM ? -1.0f : 1.0f) * (half.x - half.z);
-    }
+    visit_shape<Types::GEOMETRY>(type, [&](auto shape) { shape.fit_cube(half, surface.part, place, scale); });
     if (layout.extent.w)
         scale = mul(scale, half);
     return { mul(place, scale), scale };

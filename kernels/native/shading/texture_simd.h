@@ -284,13 +284,7 @@ template <class Types> inline Vec3x8 cube_directions(const ShapeFromCamera& pose
     if (type != PLANE && type != HEIGHT_FIELD && type != MESH)
         rates = { rcp(half.x), rcp(half.y), rcp(half.z) };
     scale = broadcast(rates);
-    if (Types::has(CAPSULE) && type == CAPSULE) {
-        const Int8 side = surface.part == int(SIDE);
-        scale.z = side ? scale.z : scale.x;
-        scale.y = side ? scale.y : scale.x;
-        const Float8 aside = half.x - half.z;
-        place.z += side ? (Float8)0.0f : surface.part == int(BOTTOM) ? -aside : aside;
-    }
+    visit_shape<Types::GEOMETRY>(type, [&](auto shape) { shape.fit_cube(half, surface.part, place, scale); });
     if (layout.extent.w)
         scale = mul(scale, broadcast(half));
     return mul(place, scale);

@@ -18,15 +18,15 @@ struct Composite {
 };
 
 // Adds the surfaces between `near` and `limit`, which is negative where a pixel takes no part. `column` and `row` are
-// the tile's in the list's region. paint(met, hit, light) returns a surface's opacity and says what it sends; the whole
+// the tile's in the list's region. shade(met, hit, light) returns a surface's opacity and says what it sends; the whole
 // warp comes there together, and those who have met nothing do not look at what they get.
-template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Paint_>
+template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Shade>
 WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
-                         float near, float limit, int column, int row, const Paint_& paint, Composite& peeled)
+                         float near, float limit, int column, int row, const Shade& shade, Composite& peeled)
 {
     float from = near;
 #pragma unroll 1
-    for (int sheet = 0; sheet < MAX_PEELS; ++sheet) {
+    for (int layer = 0; layer < MAX_PEELS; ++layer) {
         Hit hit { limit, -1, -1 };
 #if defined(__CUDA_ARCH__)
         for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
@@ -34,19 +34,20 @@ WARPCAM_DEVICE void peel(const TransparentShapes_& transparent_shapes, const Sce
             const bool touched =
                 mine < transparent_shapes.count && touches(transparent_shapes.touched[mine], column, row);
             for (unsigned mask = __ballot_sync(FULL_WARP, touched); mask; mask &= mask - 1)
-                meet_veil<Types>(transparent_shapes.records[begin + ctz(mask)], ray, from, scene.meshes, scene.fields,
-                                 hit);
+                intersect_transparent<Types>(transparent_shapes.records[begin + ctz(mask)], ray, from, scene.meshes,
+                                             scene.fields, hit);
         }
 #else
         for (int slot = 0; slot < transparent_shapes.count; ++slot)
             if (touches(transparent_shapes.touched[slot], column, row))
-                meet_veil<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
+                intersect_transparent<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields,
+                                             hit);
 #endif
         const bool met = hit.shape >= 0;
         if (!warp_any(met))
             break;
         Vec3 light { 0.0f, 0.0f, 0.0f };
-        const float opacity = paint(met, hit, light);
+        const float opacity = shade(met, hit, light);
         if (met) {
             peeled.light = peeled.light + (peeled.left * opacity) * light;
             peeled.left *= 1.0f - opacity;
@@ -70,7 +71,7 @@ WARPCAM_DEVICE Footprint footprint_at(const Appearances& look, const Scene_& sce
     const Vec3 ray = pose.local(CameraRay<LENS> { x, y }.direction());
     Vec3 local = pose.eye() + (LENS == ORTHOGRAPHIC ? pose.local({ x, y, -hit.depth }) : hit.depth * ray);
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-        local = local + pose.local(CameraRay<LENS> { x, y }.beam().start);
+        local = local + pose.local(CameraRay<LENS> { x, y }.offset_ray().start);
     const SurfaceInteraction surface = surface_at<Types>(pose, scene.meshes, scene.fields, hit.face, local, ray);
     const Vec3 right = pose.local(step_right<LENS>(camera, x, y, hit.depth));
     const Vec3 down = pose.local(step_down<LENS>(camera, x, y, hit.depth));

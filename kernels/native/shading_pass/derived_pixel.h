@@ -28,12 +28,12 @@ WARPCAM_DEVICE void derive_pixel(const Frame& frame, const Shapes& shapes, const
     if (seen.shape >= 0) {
         const Camera camera = load_camera(wp::index(frame.views, world));
         const int row = place / frame.width, column = place - row * frame.width;
-        const CameraRay<LENS> sight = view_ray<LENS>(camera, column, row);
+        const CameraRay<LENS> camera_ray = view_ray<LENS>(camera, column, row);
         seen.pose = load_pose<Types>(shapes, meshes, camera, world, seen.shape);
         if constexpr (Types::has_any(MESH, HEIGHT_FIELD))
             seen.face = stored_face<Types>(frame.face.data[index]);
         Vec3 point, ray;
-        const Vec3 local = locate_hit<LENS>(seen.pose, sight.x, sight.y, frame.depth.data[index], point, ray);
+        const Vec3 local = locate_hit<LENS>(seen.pose, camera_ray.x, camera_ray.y, frame.depth.data[index], point, ray);
         seen.surface = surface_at<Types>(seen.pose, meshes, fields, seen.face, local, ray);
     }
     write(index, seen);

@@ -10,7 +10,7 @@ namespace warpcam {
 constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides beside the one that reflects
 
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
-template <class Types, int LENS, bool FACES, class Target> struct MirrorCanvas {
+template <class Types, int LENS, bool FACES, class Target> struct MirrorTarget {
     static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, part = 0, parts = 1;
 
     const Target& target;
@@ -109,15 +109,16 @@ WARPCAM_DEVICE void draw_mirrored(const Shapes& shapes, const Materials& materia
         begin_list(list);
     }
     block_sync();
-    const MirrorCanvas<Types, LENS, FACES, Target> canvas { target, camera,           region,
-                                                            world,  plane_of(mirror), mirror.shape };
+    const MirrorTarget<Types, LENS, FACES, Target> trace_target { target, camera,           region,
+                                                                  world,  plane_of(mirror), mirror.shape };
     const int itself = mirror.shape;
     const Vec3 eye = as_vec3(mirror.eye);
-    const auto hidden = [&](int id) {
-        return id == itself || !solid(shapes, materials, target.transparent_index, world, id)
+    const auto hidden = [&](int id, bool formless) {
+        return formless || id == itself || !solid(shapes, materials, target.transparent_index, world, id)
                || turned_away<Types>(shapes, eye, world, id);
     };
-    draw_region<Types, LENS, false, MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, [] {}, world, thread);
+    draw_region<Types, LENS, false, MULTIPASS>(
+        list, trace_target, shapes, meshes, fields, hidden, [] {}, world, thread);
 }
 
 }  // namespace warpcam

@@ -11,7 +11,7 @@
 
 namespace warpcam {
 
-constexpr int MAX_SHEETS = 8;           // of one shape in one ray that can be seen through one another
+constexpr int MAX_LAYERS = 8;           // of one shape in one ray that can be seen through one another
 constexpr float FROM_BEHIND = 0.3f;  // how solid a plane is that is seen from behind, of what it is from its front
 constexpr float NOTEWORTHY = 0.2929f;  // opacity from which a shape, drawn twice, covers half of what lies behind
 constexpr float AS_FAR = 1.000001f;  // of the depth of what is solid: what lies there is drawn over it
@@ -29,16 +29,13 @@ template <int CAPACITY> struct TransparentShapes {
 };
 
 // Radius of a sphere around a shape that holds it, for shapes that are not geoms.
-WARPCAM_DEVICE float reach_of(const Shape& shape)
+template <class Types> WARPCAM_DEVICE float bounding_radius(const Shape& shape)
 {
     const Vec3 s = shape.size;
-    if (shape.type == SPHERE)
-        return s.x;
-    if (shape.type == CAPSULE)
-        return s.x + s.y;
-    if (shape.type == CYLINDER)
-        return sqrt(s.x * s.x + s.y * s.y);
-    return shape.type == ELLIPSOID ? max(max(s.x, s.y), s.z) : sqrt(dot(s, s));
+    float radius = sqrt(dot(s, s));
+    visit_shape<Types::GEOMETRY & ~(1 << PLANE)>(shape.type,
+                                                 [&](auto traits) { radius = traits.bounding_radius(s.x, s.y, s.z); });
+    return radius;
 }
 
 // Fills the list. `eye` is where MuJoCo's camera is: distances and backs count from there, in mirrors too. A `mirror`
@@ -48,11 +45,11 @@ WARPCAM_DEVICE void gather_transparent(TransparentShapes<CAPACITY>& list, const 
                                        const Region& region, Vec3 eye, int mirror, int world, int thread)
 {
     const auto& shapes = scene.shapes;
-    const bool blind = !(abs(camera.origin.x) < MISS);
+    const bool not_drawn = !(abs(camera.origin.x) < MISS);
     if (thread == 0)
         list.count = 0;
     block_sync();
-    for (int i = thread; i < scene.frame.transparent_shapes.shape[0] && !blind; i += THREADS) {
+    for (int i = thread; i < scene.frame.transparent_shapes.shape[0] && !not_drawn; i += THREADS) {
         const int id = wp::index(scene.frame.transparent_shapes, i);
         float alpha = opacity(shapes, scene.materials, world, id);
         Shape shape = load_shape(shapes, world, id);
@@ -80,7 +77,8 @@ WARPCAM_DEVICE void gather_transparent(TransparentShapes<CAPACITY>& list, const 
         const int slot = atomic_append(list.count);
         list.records[slot] = record;
         const float reach = wp::index(scene.frame.reach, id);
-        list.distance[slot] = plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? reach_of(shape) : reach);
+        list.distance[slot] =
+            plane ? PLANES_LAST : sqrt(dot(away, away)) - (reach < 0.0f ? bounding_radius<Types>(shape) : reach);
         list.opacity[slot] = alpha;
         list.ids[slot] = id;
         list.touched[slot] = tiles;
@@ -160,8 +158,8 @@ inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray
 // Finds a ray's next intersection with a transparent shape between `near` and the hit's depth; leaves the hit's shape
 // as it is if there is none.
 template <class Types, class Meshes, class HeightFields, class RayOf>
-WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
-                              const HeightFields& fields, Hit& hit)
+WARPCAM_DEVICE void intersect_transparent(const ShapeRecord& record, const RayOf& ray, float near, const Meshes& meshes,
+                                          const HeightFields& fields, Hit& hit)
 {
     if (is_mesh<Types>(record)) {
         if constexpr (Types::has(MESH))
@@ -176,7 +174,7 @@ WARPCAM_DEVICE void meet_veil(const ShapeRecord& record, const RayOf& ray, float
     }
 }
 
-// A colour under veils: see above. `left`: what of the solid colour is still seen.
+// Blend of transparent shapes over a colour, in both passages: see above. `left`: part of the solid colour still seen.
 struct MujocoBlend {
     Vec3 linear, display;
     Vec3 linear_over, display_over;
@@ -202,9 +200,9 @@ struct MujocoBlend {
 };
 
 // Covers a pixel's colour. `solid` is the depth of what is solid there, negative where nothing is to be covered.
-// `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a sheet
+// `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a layer
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
-// it do not look at what they get. note(hit, opacity) is told of each sheet that is met.
+// it do not look at what they get. note(hit, opacity) is told of each layer that is met.
 template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Shade, class Note>
 WARPCAM_DEVICE void cover(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
                           float near, float solid, int column, int row, const Shade& shade, const Note& note,
@@ -213,12 +211,12 @@ WARPCAM_DEVICE void cover(const TransparentShapes_& transparent_shapes, const Sc
     const float limit = AS_FAR * solid;
     const auto draw = [&](int rank) {
         const int slot = transparent_shapes.order[rank], type = transparent_shapes.records[slot].axis_x.w;
-        const int sheets = type == MESH || type == HEIGHT_FIELD ? MAX_SHEETS : 1;
+        const int layers = type == MESH || type == HEIGHT_FIELD ? MAX_LAYERS : 1;
         float from = near, to = limit;
 #pragma unroll 1
-        for (int sheet = 0; sheet < sheets; ++sheet) {
+        for (int layer = 0; layer < layers; ++layer) {
             Hit hit { to, -1, -1 };
-            meet_veil<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
+            intersect_transparent<Types>(transparent_shapes.records[slot], ray, from, scene.meshes, scene.fields, hit);
             const bool met = hit.shape >= 0;
             if (!warp_any(met))
                 break;

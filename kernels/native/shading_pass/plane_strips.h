@@ -38,7 +38,7 @@ struct StripPlan {
         down;  // steps on the texture, times the square of the height: x * row + y, z * row + w; `down` by column
     float columns, rows;  // of what is kept
     float coarsest;   // level of the texture
-    unsigned long long image;  // its texture: a mipmapped one, or a sheet
+    unsigned long long image;  // its texture: a mipmapped one, or an atlas
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
@@ -182,7 +182,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
             const float detail = min(max(2.0f * log2(rate[k]) + max(own.down[k], right), 0.0f), plan.coarsest);
             const float base = __fadd_rd(detail, WHOLE_NUMBERS);
             const int level = as_int(base) - as_int(WHOLE_NUMBERS);
-            color = sample_sheet(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
+            color = sample_atlas(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
         if constexpr (Grid::LIT) {
@@ -209,7 +209,7 @@ template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
-// texture is a mipmapped one, else on a sheet.
+// texture is a mipmapped one, else in an atlas.
 template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
 WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                     const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)

@@ -66,12 +66,12 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
         column = region.width / TILE_WIDTH - 1 - column;
     }
     if constexpr ((FACTS & PHYSICAL) != 0) {
-        const auto paint = [&](bool met, Hit hit, Vec3& light) {
-            ShadedPixel sheet;
+        const auto shade_layer = [&](bool met, Hit hit, Vec3& light) {
+            ShadedPixel layer;
             fill_inactive_lanes(met, hit);
             resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
-                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
-            light = sheet.linear;
+                looks, lights, scene, camera, world, x, y, hit, 0, layer);
+            light = layer.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr (Types::has(ALPHA_TESTED) && (FACTS & HAS_MAPS))
                 alpha *= mapped_opacity<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
@@ -80,7 +80,7 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
             return alpha;
         };
         Composite peeled { { 0.0f, 0.0f, 0.0f }, 1.0f };
-        peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, paint, peeled);
+        peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade_layer, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
             shown.display = linear_to_srgb(shown.linear);
@@ -89,12 +89,12 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     } else {
         MujocoBlend covered(shown.linear, clip(shown.display));
         const auto shade = [&](bool met, Hit hit, Vec3& linear, Vec3& display) {
-            ShadedPixel sheet;
+            ShadedPixel layer;
             fill_inactive_lanes(met, hit);
             resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
-                looks, lights, scene, camera, world, x, y, hit, 0, sheet);
-            linear = sheet.linear;
-            display = sheet.display;
+                looks, lights, scene, camera, world, x, y, hit, 0, layer);
+            linear = layer.linear;
+            display = layer.display;
             if constexpr (Types::has(TEXTURE_ALPHA) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
                 return texture_alpha<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
                                                       looks, lights, scene, camera, world, hit.shape),
@@ -123,15 +123,15 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     }
 }
 
-// `painted`: what the pixel shows, a Shown, where that is known.
+// `shaded`: what the pixel shows, a ShadedPixel, where that is known.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
-          class TransparentShapes_, class Camera_, class... Painted_>
+          class TransparentShapes_, class Camera_, class... Shaded_>
 WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
                                   const Camera_& camera, const TransparentShapes_& transparent_shapes,
                                   const Region& region, int world, const Pixel& pixel, PixelHit found,
-                                  const Painted_&... painted)
+                                  const Shaded_&... shaded)
 {
-    constexpr bool IS_PAINTED = sizeof...(Painted_) > 0;
+    constexpr bool IS_SHADED = sizeof...(Shaded_) > 0;
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool IN_QUADS = FACTS & STORE_QUADS;
     const auto& frame = scene.frame;
@@ -152,12 +152,12 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
     bool drawn = false;
     Vec3 apart;
     Vec3& floor = FACTS & SEPARATE_PLANE_PATH ? apart : shown.display;
-    if constexpr (!IS_PAINTED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+    if constexpr (!IS_SHADED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
         drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0,
                            (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(lights.grid, scene.textures, found,
                                                                                 shadow, x, y, floor);
-    if constexpr (IS_PAINTED)
-        shown = (painted, ...);
+    if constexpr (IS_SHADED)
+        shown = (shaded, ...);
     else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
              && fill_inactive_lanes(hit && !drawn, found))
         resolve_hit<Types, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
@@ -173,7 +173,7 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         put_bytes<IN_QUADS>(images.albedo, pixel, hit ? to_bytes(shown.albedo) : 0u);
     if (Wants::LIT) {
         bool seen = hit;
-        HazeSample mist { 0.0f, 0.0f };
+        HazeSample haze_sample { 0.0f, 0.0f };
         float sky = camera.far;
         if constexpr ((FACTS & HAS_HAZE) != 0 && LENS != ORTHOGRAPHIC) {
             const Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
@@ -181,15 +181,15 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             seen = hit && solid.depth < sky;
             Vec3 eye = camera.origin;
             if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-                eye = eye + transform(camera.rotation, CameraRay<LENS> { x, y }.beam().start);
-            mist = haze_of(scene, eye, world, ray);
+                eye = eye + transform(camera.rotation, CameraRay<LENS> { x, y }.offset_ray().start);
+            haze_sample = haze_of(scene, eye, world, ray);
         }
         if (!seen) {
             shown.linear = shown.display =
                 FACTS & MIRROR_VIEW ? black
                                     : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
                                                                     camera, frame.horizon, x, y);
-            if constexpr (Wants::COATED) {
+            if constexpr (Wants::PBR) {
                 shown.linear = srgb_to_linear(shown.linear);
                 if constexpr ((FACTS & HAS_SKYBOX) != 0) {
                     shown.linear = mul(lights.sky.gain, shown.linear);
@@ -202,17 +202,17 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
             if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
         if constexpr ((FACTS & HAS_HAZE) != 0)
-            if (mist.density > 0.0f && !(seen && solid.depth < mist.depth)) {
-                const Vec3 haze = exposed<FACTS>(scene, world, mist.density * as_vec3(frame.haze.color));
-                shown.linear = (1.0f - mist.density) * shown.linear + haze;
-                shown.display = (1.0f - mist.density) * clip(shown.display) + haze;
+            if (haze_sample.density > 0.0f && !(seen && solid.depth < haze_sample.depth)) {
+                const Vec3 haze = exposed<FACTS>(scene, world, haze_sample.density * as_vec3(frame.haze.color));
+                shown.linear = (1.0f - haze_sample.density) * shown.linear + haze;
+                shown.display = (1.0f - haze_sample.density) * clip(shown.display) + haze;
             }
         unsigned alpha = hit ? 0xff000000u : 0u;
         if constexpr ((FACTS & HAS_TRANSPARENT) != 0) {
             float limit = hit ? solid.depth : camera.far;
             if constexpr ((FACTS & HAS_HAZE) != 0)
-                limit =
-                    min(sky, mist.density > 0.0f ? min(limit, mist.depth) : limit);  // these hide what is behind them
+                limit = min(sky, haze_sample.density > 0.0f ? min(limit, haze_sample.depth)
+                                                            : limit);  // these hide what is behind them
             const float left = resolve_transparent<Types, LENS, CAPACITY, IMAGES, FACTS>(
                 looks, lights, scene, camera, transparent_shapes, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;

@@ -16,8 +16,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
-    using Sheets = optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
-    constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(Sheets)) : 0);
+    using TransparentList =
+        optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
+    constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(TransparentList)) : 0);
     constexpr int CACHED =
         CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
@@ -32,11 +33,12 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
                                - CACHED * int(sizeof(Appearances)) - 1024;
 #else
-    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled for.
+    // For few shapes there is room whatever else is kept, so that images do not depend on what a kernel is compiled
+    // for.
     constexpr int GRID_BYTES =
         CAPACITY > 0 && CAPACITY <= 64 ? VERTEX_GRID_BYTES : SHARED_BYTES - CACHED * int(sizeof(Appearances)) - 1024;
 #endif
-    constexpr int CORNERS = Wants::FACETED && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
+    constexpr int CORNERS = Wants::GOURAUD && Types::has(PLANE) && CORNERED_LENS && (!(IMAGES & HDR) || RADIANT)
                                 ? corner_room(WIDTH * HEIGHT, GRID_BYTES)
                                 : 0;
     // Caches some appearances if not all fit.
@@ -65,8 +67,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
     using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
     WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
-    WARPCAM_SHARED Camera kept_camera;
-    WARPCAM_SHARED Sheets transparent_shapes;
+    WARPCAM_SHARED Camera shared_camera;
+    WARPCAM_SHARED TransparentList transparent_shapes;
     const auto& frame = scene.frame;
     const int thread = index % THREADS;
     int world;
@@ -77,7 +79,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     const unsigned first = unsigned(world) * frame.width * frame.height;
     const Camera camera = load_camera(wp::index(frame.views, world));
     if (thread == 0)
-        kept_camera = camera;
+        shared_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
         gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE),
                                list);
@@ -134,20 +136,20 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 #endif
     if constexpr (ON_FLOOR) {
         const Appearances& look = plane_look<CACHED>(looks, scene);
-        unsigned long long sheet = 0;
-        if constexpr (Wants::ON_SHEETS)
-            sheet = look.layout.sheet;
+        unsigned long long atlas = 0;
+        if constexpr (Wants::USE_ATLAS)
+            atlas = look.layout.atlas;
         else if constexpr (Wants::TEXTURED && IN_STRIPS)
-            sheet = sheet_of(scene.textures, look.finish.color.w);
-        unsigned long long image = sheet;  // that of strips
+            atlas = atlas_of(scene.textures, look.material.color.w);
+        unsigned long long image = atlas;  // that of strips
         if constexpr (MIPS)
-            if (thread == 0 && sheet)
-                image = wp::index(scene.textures.mips, look.finish.color.w);
+            if (thread == 0 && atlas)
+                image = wp::index(scene.textures.mips, look.material.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, sheet, FACTS & MIRROR_VIEW, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FACTS & MIRROR_VIEW, thread);
             else
-                see_floor(list.grid, look, camera, frame.plane, sheet, thread);
+                see_floor(list.grid, look, camera, frame.plane, atlas, thread);
         }
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
@@ -178,8 +180,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, one,
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, one,
                                                                     find<Types, IMAGES, FACTS>(frame, one));
             });
         return;
@@ -197,11 +199,11 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
-                    looks, list, scene, camera_at<LENS>(kept_camera, pixel.column, pixel.row), transparent_shapes,
+                    looks, list, scene, camera_at<LENS>(shared_camera, pixel.column, pixel.row), transparent_shapes,
                     region, world, pixel, found);
             else
-                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, kept_camera, transparent_shapes,
-                                                                    region, world, pixel, found);
+                resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
+                                                                    transparent_shapes, region, world, pixel, found);
         }
     }
 #else
@@ -223,7 +225,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         constexpr bool APART = (FACTS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
         constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
-        Painted<ROWS * WIDTH, IMAGES, APART> painted;
+        ShadedRows<ROWS * WIDTH, IMAGES, APART> shaded;
         const int width = min(WIDTH, frame.width - left), bottom = min(top + HEIGHT, frame.height);
         RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRROR_VIEW, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
@@ -238,18 +240,18 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             const size_t corner = first + size_t(start) * frame.width + left;
             ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            paint_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
-                                                                                  corner, look_at, painted);
+            shade_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+                                                                                  corner, look_at, shaded);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
                 if constexpr (!APART)
-                    painted.write(scene.images, frame.shape, at, row * WIDTH, width);
+                    shaded.write(scene.images, frame.shape, at, row * WIDTH, width);
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
                         resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
                             looks, list, scene, own_camera(pixel), transparent_shapes, region, world, pixel,
-                            find<Types, IMAGES, FACTS>(frame, pixel), painted.shown(row * WIDTH + column));
+                            find<Types, IMAGES, FACTS>(frame, pixel), shaded.shown(row * WIDTH + column));
                     }
             }
         }

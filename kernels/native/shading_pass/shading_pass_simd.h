@@ -10,7 +10,7 @@
 namespace warpcam {
 
 // Colours of the pixels of a few rows. APART: as numbers, to be covered by other layers; else as bytes.
-template <int SIZE, int IMAGES, bool APART> struct Painted {
+template <int SIZE, int IMAGES, bool APART> struct ShadedRows {
     static constexpr bool LINEAR = APART || (IMAGES & HDR), DISPLAY = APART;
     static constexpr bool WORDS = !APART && (IMAGES & (RGB | RGBA));
     Vec3 linear[LINEAR ? SIZE : 1], display[DISPLAY ? SIZE : 1], normal[IMAGES & NORMALS ? SIZE : 1];
@@ -134,8 +134,8 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
 // The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
 template <class Types, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
 inline void light_eight(const Appearances& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
-                        const SurfaceInteraction8& surface, const OffsetRay8& beams, const Vec3x8& place, Int8 shadow,
-                        Lits& lit)
+                        const SurfaceInteraction8& surface, const OffsetRay8& offset_rays, const Vec3x8& place,
+                        Int8 shadow, Lits& lit)
 {
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
     const ShapeFromCamera& pose = look.pose;
@@ -153,15 +153,15 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
         lit.linear = lit.display;
         return;
     }
-    Facets facet;
-    facet_at<Types>(look, scene.meshes, surface, place, facet);
+    GouraudTriangle8 gouraud;
+    gouraud_at<Types>(look, scene.meshes, surface, place, gouraud);
     const bool at_corners = Types::has_any(PLANE, HEIGHT_FIELD, BOX, MESH) && lit_at_corners<Types>(look);
     Lits own;
     const auto light_corners = [&](const auto&... eye) {
-        illuminate_eight<SHADOWS, LINEAR>(lights, facet, at_corners ? 3 : 1, look.finish, shadow, own, eye...);
+        illuminate_eight<SHADOWS, LINEAR>(lights, gouraud, at_corners ? 3 : 1, look.material, shadow, own, eye...);
     };
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
-        light_corners(beams.start);
+        light_corners(offset_rays.start);
     else
         light_corners();
     lit = BY_CORNERS ? Lits { own.linear, select(inside, lit.display, own.display) } : own;
@@ -172,25 +172,26 @@ constexpr int TOGETHER = 4;
 
 // Shades packets; of the last packet `rest` pixels count, of the others all.
 template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
-          class PbrInputs>
-WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Levels* levels, int id,
+          class ShadedRows_>
+WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Levels* levels, int id,
                                                const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
                                                const EightHits* hits, const short* pixels, int packets, int rest,
-                                               PbrInputs& painted)
+                                               ShadedRows_& shaded)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
     const ShapeFromCamera& pose = look.pose;
     const Float8 one = 1.0f;
     Vec3x8 rays[TOGETHER], textures[TOGETHER];
-    OffsetRay8 beams[TOGETHER];
+    OffsetRay8 offset_rays[TOGETHER];
     SurfaceInteraction8 surfaces[TOGETHER];
     const auto count_of = [&](int packet) { return packet + 1 < packets ? SIMD_WIDTH : rest; };
     for (int n = 0; n < packets; ++n) {
         const EightHits& hit = hits[n];
-        beams_of<LENS>(hit.x, hit.y, beams[n]);
-        rays[n] = pose.local(beams[n].direction);
-        const Vec3x8 away = has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(beams[n], hit.depth));
+        offset_rays_of<LENS>(hit.x, hit.y, offset_rays[n]);
+        rays[n] = pose.local(offset_rays[n].direction);
+        const Vec3x8 away =
+            has_centre(LENS) ? hit.depth * rays[n] : pose.local(places_on<LENS>(offset_rays[n], hit.depth));
         surfaces[n].local = broadcast(pose.eye()) + away;
         find_surface<Types>(pose, scene.meshes, scene.fields, hit.faces, rays[n], surfaces[n]);
         textures[n] = { one, one, one };
@@ -205,25 +206,25 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
         if (levels) {
             texture_colors<Types>(look, *levels, scene.meshes, scene.textures, steps, surfaces, rays, packets,
                                   textures);
-            for (int n = 0; Wants::COATED && n < packets; ++n)
+            for (int n = 0; Wants::PBR && n < packets; ++n)
                 textures[n] = srgb_to_linear(textures[n]);
         }
     if constexpr ((IMAGES & NORMALS) != 0)
         for (int n = 0; n < packets; ++n)
-            painted.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
-                                facing_normals<Types>(look, scene, surfaces[n], rays[n]));
+            shaded.put_normals(pixels + n * SIMD_WIDTH, count_of(n),
+                               facing_normals<Types>(look, scene, surfaces[n], rays[n]));
     if constexpr ((IMAGES & ALBEDO) != 0)
         for (int n = 0; n < packets; ++n) {
-            const Vec3x8 albedo = mul(broadcast(clip(as_vec3(look.finish.color))), textures[n]);
-            painted.put_albedo(pixels + n * SIMD_WIDTH, count_of(n), Wants::COATED ? linear_to_srgb(albedo) : albedo);
+            const Vec3x8 albedo = mul(broadcast(clip(as_vec3(look.material.color))), textures[n]);
+            shaded.put_albedo(pixels + n * SIMD_WIDTH, count_of(n), Wants::PBR ? linear_to_srgb(albedo) : albedo);
         }
     for (int n = 0; Wants::LIT && n < packets; ++n) {
-        const Vec3x8 place = places_on<LENS>(beams[n], hits[n].depth);
+        const Vec3x8 place = places_on<LENS>(offset_rays[n], hits[n].depth);
         const Int8 shadow = SHADOWS ? hits[n].shadow : (Int8)0;
         Lits lit;
-        if constexpr (Wants::LIT && Wants::COATED) {
+        if constexpr (Wants::LIT && Wants::PBR) {
             const Vec3x8 to_eye =
-                LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -beams[n].direction : -normalized(place);
+                LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -offset_rays[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
             shade_eight_physically<Types, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
@@ -231,19 +232,19 @@ WARPCAM_NOINLINE_CPU inline void paint_packets(const Appearances& look, const Le
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<Types, LENS, FACTS, PbrInputs::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
-                                                               beams[n], place, shadow, lit);
+            light_eight<Types, LENS, FACTS, ShadedRows_::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+                                                                 offset_rays[n], place, shadow, lit);
             const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
             lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
         }
-        painted.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
+        shaded.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
     }
 }
 
 // Writes the background.
-template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class PbrInputs>
-WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
-                                                  Vec3 gain, const short* pixels, int count, PbrInputs& painted)
+template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class ShadedRows_>
+WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
+                                                  Vec3 gain, const short* pixels, int count, ShadedRows_& shaded)
 {
     const auto& background = background_of<FACTS>(scene, world);
     Vec3x8 color = broadcast(as_vec3(background.color));
@@ -257,21 +258,21 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
         const int some = min(SIMD_WIDTH, count - first);
         if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
             Float8 x, y;
-            OffsetRay8 beams, right, down;
+            OffsetRay8 offset_rays, right, down;
             rows.find(pixels + first, some, x, y);
             rows.steps(pixels + first, some, x, y, right, down);
-            beams_of<LENS>(x, y, beams);
+            offset_rays_of<LENS>(x, y, offset_rays);
             if (LENS == ORTHOGRAPHIC && scene.frame.horizon > 0.0f) {
                 const auto upright = [&](Vec3x8 v) {
                     const Vec3x8 d = to_sky(v);
                     return Vec3x8 { d.x, -d.z, d.y };
                 };
-                const Vec3x8 place = place_on_sky(upright(beams.start), upright(beams.direction),
+                const Vec3x8 place = place_on_sky(upright(offset_rays.start), upright(offset_rays.direction),
                                                   (Float8)(SKY_DISTANCE * scene.frame.horizon));
                 sample_cubes(scene.textures.texels.data, levels, Vec3x8 { place.x, place.z, -place.y },
                              to_sky(right.start), to_sky(down.start), color);
             } else {
-                sample_cubes(scene.textures.texels.data, levels, to_sky(beams.direction), to_sky(right.direction),
+                sample_cubes(scene.textures.texels.data, levels, to_sky(offset_rays.direction), to_sky(right.direction),
                              to_sky(down.direction), color);
             }
         }
@@ -285,7 +286,7 @@ WARPCAM_NOINLINE_CPU inline void paint_background(const List& lights, const Scen
             linear = display = mul(broadcast(gain), linear);
         if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
             display = linear_to_srgb(linear);
-        painted.put_light(pixels + first, some, linear, display, 0u);
+        shaded.put_light(pixels + first, some, linear, display, 0u);
     }
 }
 
@@ -325,11 +326,11 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
         __builtin_memcpy(&hits.shadow, shadow, sizeof shadow);
 }
 
-// Paints what the pixels of a few rows show. `look_at(id)` gives a shape's look.
+// Shades the pixels of a few rows. `look_at(id)` gives a shape's look.
 template <class Types, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
-          class Rows, class LookAt, class PbrInputs>
-inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
-                         int world, size_t first, const LookAt& look_at, PbrInputs& painted)
+          class Rows, class LookAt, class ShadedRows_>
+inline void shade_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
+                         int world, size_t first, const LookAt& look_at, ShadedRows_& shaded)
 {
     using Wants = ShadingNeeds<IMAGES, FACTS>;
     const auto& frame = scene.frame;
@@ -339,7 +340,7 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
         const short* const pixels = sorted.order + begin;
         if (id < 0) {
             if constexpr (BEHIND && Wants::LIT)
-                paint_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, painted);
+                shade_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, shaded);
             continue;
         }
         const auto& look = look_at(id);
@@ -360,9 +361,9 @@ inline void paint_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
                 load_hits<Types, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
                                                                              min(SIMD_WIDTH, total - from), hits[n]);
             }
-            paint_packets<Types, LENS, IMAGES, FACTS>(
+            shade_packets<Types, LENS, IMAGES, FACTS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,
-                min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), painted);
+                min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), shaded);
         }
     }
 }

@@ -1,6 +1,6 @@
 // The trace with albedo. Shapes of one colour show a word that the block keeps of each; a floor's texture is looked up
-// where it is hit; what else has a texture is painted when all tiles are drawn, 32 pixels at once. For CUDA, pinholes,
-// and scenes without meshes and height fields.
+// where it is hit; what else has a texture is looked up when all tiles are drawn, 32 pixels at once. For CUDA,
+// pinholes, and scenes without meshes and height fields.
 #pragma once
 #include "shading/plane_shading.h"
 #include "shading/appearance_cache.h"
@@ -12,7 +12,7 @@ namespace warpcam {
 struct Unlit {
     float horizon;
 };
-template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures> struct PaintScene {
+template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures> struct AlbedoScene {
     Unlit frame;
     const Shapes& shapes;
     const Meshes& meshes;
@@ -22,12 +22,12 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
 };
 
 // Shared memory of the albedo writer. FACTS: of shading/appearance.h.
-template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct Painter {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = true, LOOKS_AT_FLOORS = false;
+template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct AlbedoWriter {
+    static constexpr bool WHOLE = WHOLE_, WRITES_ALBEDO = true, LOOKS_AT_FLOORS = false;
     using Wants = ShadingNeeds<ALBEDO, FACTS>;
     using Appearances = ShapeAppearance<Types, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && Types::has(PLANE);
-    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else sheets
+    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else atlases
     static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH,
                          TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
     static constexpr int CACHED = TEXTURED && CAPACITY <= WARP_SIZE ? CAPACITY : 0;  // looks
@@ -43,22 +43,22 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         Slot at[TILES_PER_WARP];
     };
 
-    unsigned words[CAPACITY];           // by place among the drawn shapes
-    Slot slots[CAPACITY + 1];           // the first of nothing
+    unsigned words[CAPACITY];  // by place among the drawn shapes
+    Slot slots[CAPACITY + 1];  // the first of nothing
     unsigned later[TEXTURED ? TILES : 1];  // pixels of each tile
     unsigned short queue[TEXTURED ? WARPS : 1][2 * WARP_SIZE];  // numbers of such
     Appearances looks[CACHED > 0 ? CACHED : 1];
-    unsigned endless;                   // the endless floor's word
-    BareGrid floor;                     // its shape: -1 where there is none that is looked up at once
+    unsigned endless;  // the endless floor's word
+    BareGrid floor;  // its shape: -1 where there is none that is looked up at once
     Float3Int u, v;  // by x and y of a ray at depth 1, and without them; w: bits of the eye's [images]
-    Float3Int color;                          // of the floor, of 255; w: bits of its coarsest level
+    Float3Int color;  // of the floor, of 255; w: bits of its coarsest level
     float right[FLOORS ? HEIGHT : 1], down[FLOORS ? WIDTH : 1];  // levels at depth 1, by row and by column
 
     template <class Shapes, class Meshes, class HeightFields, class Materials, class Textures>
     WARPCAM_DEVICE static auto scene_of(const Shapes& shapes, const Meshes& meshes, const HeightFields& fields,
                                         const Materials& materials, const Textures& textures)
     {
-        using Scene_ = PaintScene<Shapes, Meshes, HeightFields, Materials, Textures>;
+        using Scene_ = AlbedoScene<Shapes, Meshes, HeightFields, Materials, Textures>;
         return Scene_ { { 0.0f }, shapes, meshes, fields, materials, textures };
     }
 
@@ -74,10 +74,10 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
                 see(scene, camera, region, plane, world, thread % WARP_SIZE);
         for (int i = (thread + THREADS / 2) % THREADS; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
-            const ResolvedMaterial finish = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
-            words[i] = !TEXTURED || !is_texture(scene.textures, finish.color.w) ? to_bytes(as_vec3(finish.color))
-                       : FLOORS && id == plane                                  ? ON_FLOOR
-                                                                                : LATER;
+            const ResolvedMaterial material = load_material<Wants::MATERIAL>(scene.shapes, scene.materials, world, id);
+            words[i] = !TEXTURED || !is_texture(scene.textures, material.color.w) ? to_bytes(as_vec3(material.color))
+                       : FLOORS && id == plane                                    ? ON_FLOOR
+                                                                                  : LATER;
         }
     }
 
@@ -99,20 +99,20 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         if (plane < 0)
             return;
         const Appearances look = load_appearance_for<Types, Wants>(scene, camera, world, plane);
-        unsigned long long sheet = 0;
+        unsigned long long atlas = 0;
         if constexpr (!MIPS)
-            sheet = sheet_of(scene.textures, look.finish.color.w);
-        else if (is_texture(scene.textures, look.finish.color.w))
-            sheet = wp::index(scene.textures.mips, look.finish.color.w);
+            atlas = atlas_of(scene.textures, look.material.color.w);
+        else if (is_texture(scene.textures, look.material.color.w))
+            atlas = wp::index(scene.textures.mips, look.material.color.w);
         if constexpr (MIPS) {
             if (lane == 0) {
                 view_floor(floor.view, look, camera);
-                floor.view.sheet = sheet;
-                floor.color = clip(as_vec3(look.finish.color));
+                floor.view.atlas = atlas;
+                floor.color = clip(as_vec3(look.material.color));
                 floor.shape = plane;
             }
         } else {
-            see_floor(floor, look, camera, plane, sheet, lane);
+            see_floor(floor, look, camera, plane, atlas, lane);
         }
         __syncwarp();
         const FloorView& view = floor.view;
@@ -122,7 +122,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             v = { place.y * ay.x, place.y * ay.y, -place.y * ay.z,
                   as_int(fma(place.y, as_float(ay.w), as_float(place.w))) };
             color = make_float3_int(255.0f * floor.color, as_int(float(view.count - 1)));
-            if (!view.plain || view.count == 0 || !view.sheet)
+            if (!view.plain || view.count == 0 || !view.atlas)
                 floor.shape = -1;
         }
         // A step on the texture changes along the other direction alone: see FloorView and StripPlan.
@@ -161,9 +161,9 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
     }
 
     // Writes what a warp's tiles show; the lane's first pixel is (i, j).
-    template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
-                              const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
+    template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void write_albedo(const TraceTarget_& trace_target, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
+                                     const Hit (&hits)[TILES_PER_WARP], const Slots<TILES_PER_WARP>& found)
     {
         unsigned shown[TILES_PER_WARP], all = 0u;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
@@ -171,33 +171,35 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             all |= shown[k];
         }
         if (FLOORS && warp_any(all & ON_FLOOR))
-            paint_floor<false>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+            sample_plane<false>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         if (TEXTURED && warp_any(all & LATER))
-            intersect_exit(canvas, i, j, shown);
-        store(canvas, i, j, shown);
+            postpone(trace_target, i, j, shown);
+        store(trace_target, i, j, shown);
     }
 
     // Writes pixels whose hits are all on the infinite plane.
-    template <class Canvas_, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_bare(const Canvas_& canvas, int i, int j, const Ray_ (&rays)[TILES_PER_WARP],
-                                   const Hit (&hits)[TILES_PER_WARP])
+    template <class TraceTarget_, class Ray_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void write_plane_albedo(const TraceTarget_& trace_target, int i, int j,
+                                           const Ray_ (&rays)[TILES_PER_WARP], const Hit (&hits)[TILES_PER_WARP])
     {
         const unsigned word = endless;
         unsigned shown[TILES_PER_WARP];
         for (int k = 0; k < TILES_PER_WARP; ++k)
             shown[k] = word;
         if (FLOORS && word == ON_FLOOR)
-            paint_floor<true>(i - canvas.region.left, j - canvas.region.top, rays, hits, shown);
+            sample_plane<true>(i - trace_target.region.left, j - trace_target.region.top, rays, hits, shown);
         else if (TEXTURED && word == LATER)
-            intersect_exit(canvas, i, j, shown);
-        store(canvas, i, j, shown);
+            postpone(trace_target, i, j, shown);
+        store(trace_target, i, j, shown);
     }
 
-    // Notes what is painted later.
-    template <class Canvas_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void intersect_exit(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP])
+    // Notes the pixels whose texture is looked up later.
+    template <class TraceTarget_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void postpone(const TraceTarget_& trace_target, int i, int j,
+                                 const unsigned (&shown)[TILES_PER_WARP])
     {
-        const int tile = (j - canvas.region.top) / TILE_HEIGHT * ACROSS + (i - canvas.region.left) / TILE_WIDTH;
+        const int tile =
+            (j - trace_target.region.top) / TILE_HEIGHT * ACROSS + (i - trace_target.region.left) / TILE_WIDTH;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
             const unsigned pixels = __ballot_sync(FULL_WARP, shown[k] & LATER);
             if (threadIdx.x % WARP_SIZE == 0)
@@ -205,30 +207,31 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         }
     }
 
-    template <class Canvas_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void store(const Canvas_& canvas, int i, int j, const unsigned (&shown)[TILES_PER_WARP]) const
+    template <class TraceTarget_, int TILES_PER_WARP>
+    WARPCAM_DEVICE void store(const TraceTarget_& trace_target, int i, int j,
+                              const unsigned (&shown)[TILES_PER_WARP]) const
     {
         // Four neighbours store their twelve bytes as three words.
         const int piece = threadIdx.x & 3;
         const unsigned bytes = piece == 0 ? 0x4210 : piece == 1 ? 0x5421 : 0x6542;
-        unsigned char* image = canvas.target.albedo.data + piece;
+        unsigned char* image = trace_target.target.albedo.data + piece;
         unsigned joined[TILES_PER_WARP];
         for (int k = 0; k < TILES_PER_WARP; ++k)
             joined[k] = __byte_perm(shown[k], __shfl_down_sync(FULL_WARP, shown[k], 1), bytes);
         if (piece < 3)
             for (int k = 0; k < TILES_PER_WARP; ++k)
-                *reinterpret_cast<unsigned*>(image + 3 * size_t(canvas.at(i, j, k))) = joined[k];
+                *reinterpret_cast<unsigned*>(image + 3 * size_t(trace_target.at(i, j, k))) = joined[k];
     }
 
     // EVERY: all hits are on it.
     template <bool ALL_LANES, class Ray_, int TILES_PER_WARP>
-    WARPCAM_DEVICE void paint_floor(int column, int row, const Ray_ (&rays)[TILES_PER_WARP],
-                                    const Hit (&hits)[TILES_PER_WARP], unsigned (&shown)[TILES_PER_WARP])
+    WARPCAM_DEVICE void sample_plane(int column, int row, const Ray_ (&rays)[TILES_PER_WARP],
+                                     const Hit (&hits)[TILES_PER_WARP], unsigned (&shown)[TILES_PER_WARP])
     {
         const Float3Int across = u, along = v, own_color = color;
         const float own = down[column], coarsest = as_float(own_color.w);
         const float start_u = across.x * rays[0].x + across.z, start_v = along.x * rays[0].x + along.z;
-        const unsigned long long sheet = floor.view.sheet;
+        const unsigned long long atlas = floor.view.atlas;
         for (int k = 0; k < TILES_PER_WARP; ++k) {
             const float depth = hits[k].depth;
             const float at_u = fma(depth, across.y * rays[k].y + start_u, as_float(across.w));
@@ -236,12 +239,12 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
             const float steps = max(own, right[row + k * TILE_HEIGHT]);
             Vec3 texel;
             if constexpr (MIPS) {
-                texel = look_up(sheet, at_u, at_v, 2.0f * log2(depth) + steps);
+                texel = look_up(atlas, at_u, at_v, 2.0f * log2(depth) + steps);
             } else {
                 const float detail = min(max(2.0f * log2(depth) + steps, 0.0f), coarsest);
                 const float base = __fadd_rd(detail, WHOLE_NUMBERS);
                 const int level = as_int(base) - as_int(WHOLE_NUMBERS);
-                texel = sample_sheet(sheet, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
+                texel = sample_atlas(atlas, floor.view.levels[level], floor.view.levels[level + 1], at_u, at_v,
                                      detail - (base - WHOLE_NUMBERS));
             }
             const unsigned red = unsigned(as_int(fma(texel.x, own_color.x, WHOLE_NUMBERS)));
@@ -252,7 +255,7 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         }
     }
 
-    // Paints what was left, once all tiles are drawn.
+    // Looks up what was left, once all tiles are drawn.
     template <class Scene_, class Target> WARPCAM_DEVICE void finish(const Scene_& scene, const Target& target,
                                                                      const Camera& camera, const Region& region,
                                                                      int world, int thread)
@@ -312,10 +315,10 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
 // need.
 template <class Types, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
-WARPCAM_DEVICE void draw_painted(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
-                                 const HeightFields& fields, const Views& views, const Target& target, int index)
+WARPCAM_DEVICE void draw_with_albedo(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                                     const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    using Room = Painter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
+    using Room = AlbedoWriter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
     draw_with<SceneTypes<Types::ANALYTIC, Types::FEATURES & 1 << PLANES_FROM_BEHIND>, PINHOLE, CAPACITY, false, WIDTH,
               HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields, views, target, index);
 }

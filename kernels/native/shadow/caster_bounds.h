@@ -11,7 +11,7 @@ constexpr unsigned GUARDS = 0x80808080u;
 
 // Bounds of points in a light's view.
 struct ReceiverBounds {
-    LightSpaceBounds window;  // of those that lie before a light that shines forwards
+    LightSpaceBounds bounds_uv;  // of those that lie before a light that shines forwards
     float floor, top;
     bool beside, any;  // some lie behind it; there are any at all
 
@@ -22,17 +22,17 @@ struct ReceiverBounds {
             beside = true;
             return;
         }
-        window = { min(window.left, place.u), max(window.right, place.u), min(window.bottom, place.v),
-                   max(window.top, place.v) };
+        bounds_uv = { min(bounds_uv.left, place.u), max(bounds_uv.right, place.u), min(bounds_uv.bottom, place.v),
+                      max(bounds_uv.top, place.v) };
         floor = min(floor, place.height);
         top = max(top, place.height);
     }
 
     WARPCAM_DEVICE void add(const ReceiverBounds& other)
     {
-        const LightSpaceBounds& w = other.window;
-        window = { min(window.left, w.left), max(window.right, w.right), min(window.bottom, w.bottom),
-                   max(window.top, w.top) };
+        const LightSpaceBounds& w = other.bounds_uv;
+        bounds_uv = { min(bounds_uv.left, w.left), max(bounds_uv.right, w.right), min(bounds_uv.bottom, w.bottom),
+                      max(bounds_uv.top, w.top) };
         floor = min(floor, other.floor);
         top = max(top, other.top);
         beside |= other.beside;
@@ -88,7 +88,7 @@ struct Grid {
     {
         if (cover.beside)
             return { 0x7f7f7f7fu | GUARDS, 0u };
-        const LightSpaceBounds& w = cover.window;
+        const LightSpaceBounds& w = cover.bounds_uv;
         const unsigned last = GRID_CELLS - 1;
         const unsigned against = (last - column(w.left)) << 16 | (last - row(w.bottom)) << 24;
         return { column(w.right) | row(w.top) << 8 | against | GUARDS, level(cover.floor) << PLACE_BITS };
@@ -97,7 +97,7 @@ struct Grid {
 
 WARPCAM_DEVICE Grid grid_of(const ReceiverBounds& all, bool distant)
 {
-    const LightSpaceBounds& w = all.window;
+    const LightSpaceBounds& w = all.bounds_uv;
     const float left = Grid::bent(w.left, distant), right = Grid::bent(w.right, distant);
     const float bottom = Grid::bent(w.bottom, distant), top = Grid::bent(w.top, distant), least = 1.0e-20f;
     return { left,

@@ -11,29 +11,21 @@ namespace warpcam {
 struct WorldRay {
     Vec3 point, direction;
 
-    WARPCAM_DEVICE static Vec3 transform(const ShapeRecord& record, Vec3 v, Vec3 start)
-    {
-        const Float3Int ax = record.axis_x, ay = record.axis_y, az = record.axis_z;
-        return { ax.x * v.x + ax.y * v.y + ax.z * v.z + start.x, ay.x * v.x + ay.y * v.y + ay.z * v.z + start.y,
-                 az.x * v.x + az.y * v.y + az.z * v.z + start.z };
-    }
-
     WARPCAM_DEVICE Ray local(const ShapeRecord& record) const
     {
-        const Float3Int o = record.origin;
-        return { transform(record, point, { o.x, o.y, o.z }), transform(record, direction, { 0.0f, 0.0f, 0.0f }) };
+        return { transform_rows(record, point, record.origin), transform_rows(record, direction) };
     }
 
     template <class Types> WARPCAM_DEVICE RayFrame frame(const ShapeRecord& record) const
     {
         if constexpr (Types::has(PER_SHAPE_SCALE))
             return frame_along(local(record));
-        const Vec3 d = direction, none { 0.0f, 0.0f, 0.0f };
+        const Vec3 d = direction;
         // any vector that is not along d, made perpendicular to it
         const bool steep = abs(d.z) > abs(d.x);
         const Vec3 across = steep ? Vec3 { 0.0f, d.z, -d.y } : Vec3 { d.y, -d.x, 0.0f };
-        return { local(record).origin, transform(record, across, none), transform(record, cross(across, d), none),
-                 transform(record, 1.0f / dot(d, d) * d, none) };
+        return { local(record).origin, transform_rows(record, across), transform_rows(record, cross(across, d)),
+                 transform_rows(record, 1.0f / dot(d, d) * d) };
     }
 };
 
@@ -49,7 +41,7 @@ struct Caster {
     // faces; that of its nodes is with the record's origin.
     Float3Int aim;
     Box box;  // of a mesh
-    LightSpaceBounds window;
+    LightSpaceBounds bounds_uv;
     float height;
 };
 
@@ -61,7 +53,7 @@ template <int SIZE, bool MESHES, bool OUTLINED_ = false> struct CasterList {
     ShapeRecord records[CAPACITY];
     Float3Int aims[CAPACITY];
     Box boxes[MESHES ? CAPACITY : 1];
-    LightSpaceBounds windows[WORDS * 32];  // from `count` on to the end of its 32: empty
+    LightSpaceBounds bounds_uv[WORDS * 32];  // from `count` on to the end of its 32: empty
     float heights[WORDS * 32];
     LightSpaceBounds diagonals[OUTLINED ? CAPACITY : 1];  // what they cover of u + v and u - v
     LightSpaceBounds bounds;  // CUDA: what all cover together
@@ -89,12 +81,12 @@ WARPCAM_DEVICE float warp_min(float value)
 }
 
 // Union of several bounds. Called by one warp.
-WARPCAM_DEVICE LightSpaceBounds window_of_all(const LightSpaceBounds* windows, int count)
+WARPCAM_DEVICE LightSpaceBounds bounds_uv_of_all(const LightSpaceBounds* bounds_uv, int count)
 {
     LightSpaceBounds all { MISS, -MISS, MISS, -MISS };
 #pragma unroll 1
     for (int slot = threadIdx.x % WARP_SIZE; slot < count; slot += WARP_SIZE) {
-        const LightSpaceBounds w = windows[slot];
+        const LightSpaceBounds w = bounds_uv[slot];
         all = { min(all.left, w.left), max(all.right, w.right), min(all.bottom, w.bottom), max(all.top, w.top) };
     }
     return { warp_min(all.left), -warp_min(-all.right), warp_min(all.bottom), -warp_min(-all.top) };
@@ -107,10 +99,10 @@ template <class List> WARPCAM_DEVICE void find_bounds(List& list)
 #pragma unroll 1
     for (int slot = threadIdx.x % WARP_SIZE; slot < list.count; slot += WARP_SIZE)
         height = max(height, list.heights[slot]);
-    list.bounds = window_of_all(list.windows, list.count);
+    list.bounds = bounds_uv_of_all(list.bounds_uv, list.count);
     list.ceiling = -warp_min(-height);
     if constexpr (List::OUTLINED)
-        list.bounds_aslant = window_of_all(list.diagonals, list.count);
+        list.bounds_aslant = bounds_uv_of_all(list.diagonals, list.count);
 }
 
 // True if any caster may shade this point.
@@ -124,7 +116,7 @@ template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const 
 
 #endif
 
-// False if the shape casts no shadow in this light. TIGHT: see window_of().
+// False if the shape casts no shadow in this light. TIGHT: see bounds_uv_of().
 template <class Types, bool TIGHT = false, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light,
                                                         const Camera& camera, const Meshes& meshes,
@@ -156,10 +148,10 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
             caster.box = { own.center, own.half };
         }
     }
-    caster.window = { -MISS, MISS, -MISS, MISS };
+    caster.bounds_uv = { -MISS, MISS, -MISS, MISS };
     caster.height = MISS;
     if (extent.half.x >= 0.0f)  // not an endless plane
-        caster.window = window_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
+        caster.bounds_uv = bounds_uv_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
     return true;
 }
 
@@ -173,8 +165,8 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE: so
-// many threads do it, a block or one of its warps.
+// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE:
+// so many threads do it, a block or one of its warps.
 template <class Types, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes,
                                                         const Materials& materials, const Meshes& meshes,
@@ -196,10 +188,10 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
                 mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
                 if (Types::has(MESH))
                     list.boxes[slot] = caster.box;
-                list.windows[slot] = caster.window;
+                list.bounds_uv[slot] = caster.bounds_uv;
                 list.heights[slot] = caster.height;
                 if constexpr (List::OUTLINED) {
-                    const LightSpaceBounds& w = caster.window;
+                    const LightSpaceBounds& w = caster.bounds_uv;
                     list.diagonals[slot] = { w.left + w.bottom, w.right + w.top, w.left - w.top, w.right - w.bottom };
                 }
             }
@@ -215,7 +207,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
     team_barrier<WARP_OR_ONE>();
     const int count = list.count;
     for (int slot = count + thread; slot < (count + 31) / 32 * 32; slot += WARP_OR_ONE) {
-        list.windows[slot] = { MISS, -MISS, MISS, -MISS };
+        list.bounds_uv[slot] = { MISS, -MISS, MISS, -MISS };
         list.heights[slot] = -MISS;
     }
     return begin;
@@ -248,7 +240,7 @@ struct Facing {
 struct MeshLight {
     Vec3 aim;  // as Caster.aim
     Vec3 way;  // from a point of a face to it
-    Vec3 sight;  // of the ray that sees the point
+    Vec3 view_direction;  // of the ray that sees the point
 };
 
 // Light that shines on the other side only adds nothing but its ambient part, so that the shadow of one without does
@@ -266,7 +258,7 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
         if (has_back<Types>(second.w)) {
             flat = is_flat<Types>(second.w, third.w);
             normal = normalized(cross(as_vec3(second) - as_vec3(first), as_vec3(third) - as_vec3(first)));
-            back = dot(normal, light.sight) > 0.0f;
+            back = dot(normal, light.view_direction) > 0.0f;
             if (back) {
                 given = second.w;
                 normal = -normal;
@@ -291,10 +283,11 @@ WARPCAM_DEVICE Facing face_light(const Meshes& meshes, int mesh, int face, bool 
     return { faces, clear };
 }
 
-// Tests a shape's face likewise. The point is seen from `origin`, by a ray along `sight`; both in the world's axes.
+// Tests a shape's face likewise. The point is seen from `origin`, by a ray along `view_direction`; both in the world's
+// axes.
 template <class Types, class Shapes, class Meshes>
 WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int world, int id, int face,
-                                 const LightView& light, Vec3 origin, Vec3 sight, Vec3 point)
+                                 const LightView& light, Vec3 origin, Vec3 view_direction, Vec3 point)
 {
     if (wp::index(shapes.types, id) != MESH)
         return { true, false };
@@ -306,7 +299,7 @@ WARPCAM_DEVICE Facing face_light(const Shapes& shapes, const Meshes& meshes, int
                                            : own;
     };
     return face_light<Types>(meshes, shape.asset, face, light.distant,
-                             { local(ray_to(light, c)), local(ray_to(light, point)), local(sight) });
+                             { local(ray_to(light, c)), local(ray_to(light, point)), local(view_direction) });
 }
 
 }  // namespace warpcam

@@ -36,7 +36,7 @@ WARPCAM_DEVICE LightView make_light(bool distant, Vec3 position, Vec3 direction,
                     : Vec3 { position.x - camera.origin.x, position.y - camera.origin.y, position.z - camera.origin.z };
     const Vec3 along = distant ? light.aim : direction;
     light.w = 1.0f / sqrt(max(dot(along, along), 1.0e-30f)) * along;
-    // rows of the image run along u where they can, so that tiles on a floor fill their windows
+    // rows of the image run along u where they can, so that tiles on a floor fill their bounds
     const Mat3& r = camera.rotation;
     Vec3 across { r.at[0][0], r.at[1][0], r.at[2][0] };
     if (abs(dot(across, light.w)) > 0.9f)
@@ -112,8 +112,8 @@ template <> struct PointReconstructor<RAY_TABLE_WITH_ORIGINS> {
 
     WARPCAM_DEVICE Vec3 point(float i, float j, float depth) const
     {
-        const OffsetRay beam = spread_ray(camera, int(i), int(j)).beam();
-        return along + axes(beam.start + depth * beam.direction);
+        const OffsetRay offset_ray = spread_ray(camera, int(i), int(j)).offset_ray();
+        return along + axes(offset_ray.start + depth * offset_ray.direction);
     }
 
     WARPCAM_DEVICE Vec3 along_of(Vec3, float i, float j) const
@@ -125,7 +125,7 @@ template <> struct PointReconstructor<RAY_TABLE_WITH_ORIGINS> {
 };
 
 // Points from the camera, along the world's axes.
-template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> sight_of(const Camera& camera)
+template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> reconstructor_of(const Camera& camera)
 {
     const Mat3& r = camera.rotation;
     const Vec3 right { r.at[0][0], r.at[1][0], r.at[2][0] }, up { r.at[0][1], r.at[1][1], r.at[2][1] };
@@ -146,15 +146,17 @@ template <int LENS> WARPCAM_DEVICE PointReconstructor<LENS> sight_of(const Camer
 
 // Points along the light's axes; from the light, if it is not distant.
 template <int LENS>
-WARPCAM_DEVICE PointReconstructor<LENS> lit_sight(const LightView& light, const PointReconstructor<LENS>& sight)
+WARPCAM_DEVICE PointReconstructor<LENS> lit_reconstructor(const LightView& light,
+                                                          const PointReconstructor<LENS>& reconstructor)
 {
     const auto to_light_axes = [&](Vec3 a) { return Vec3 { dot(light.u, a), dot(light.v, a), dot(light.w, a) }; };
     if constexpr (has_table(LENS)) {
         const Vec3 start = light.distant ? Vec3 { 0.0f, 0.0f, 0.0f } : -to_light_axes(light.aim);
-        return { to_light_axes(sight.right), to_light_axes(sight.up), to_light_axes(sight.back), start, sight.camera };
+        return { to_light_axes(reconstructor.right), to_light_axes(reconstructor.up), to_light_axes(reconstructor.back),
+                 start, reconstructor.camera };
     } else {
-        PointReconstructor<LENS> s { to_light_axes(sight.start), to_light_axes(sight.across), to_light_axes(sight.down),
-                                     to_light_axes(sight.along) };
+        PointReconstructor<LENS> s { to_light_axes(reconstructor.start), to_light_axes(reconstructor.across),
+                                     to_light_axes(reconstructor.down), to_light_axes(reconstructor.along) };
         if (!light.distant) {
             const Vec3 aim = to_light_axes(light.aim);
             Vec3& origin = LENS == ORTHOGRAPHIC ? s.start : s.along;
@@ -177,23 +179,18 @@ WARPCAM_DEVICE LightSpacePoint place_of(bool distant, Vec3 p)
 // Support of a shape: its reach from the centre along a unit direction in the shape's frame.
 WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 {
-    const Vec3 a { abs(n.x) * half.x, abs(n.y) * half.y, abs(n.z) * half.z };
-    if (type == SPHERE || type == ELLIPSOID)
-        return sqrt(dot(a, a));
-    if (type == CAPSULE)
-        return a.z + half.x * (1.0f - abs(n.z));
-    if (type == CYLINDER)
-        return a.z + sqrt(a.x * a.x + a.y * a.y);
-    return a.x + a.y + a.z;
+    float reach = ConvexTraits::support(half, n);
+    visit_shape<ROUND_TYPES>(type, [&](auto shape) { reach = shape.support(half, n); });
+    return reach;
 }
 
-// The window of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
+// The bounds of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
 // TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
 template <bool TIGHT = false>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds window_of(const LightView& light, int type, Vec3 position,
-                                                               const Mat3& rotation, const LocalBounds& extent,
-                                                               float& height)
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds bounds_uv_of(const LightView& light, int type, Vec3 position,
+                                                                  const Mat3& rotation, const LocalBounds& extent,
+                                                                  float& height)
 {
     const Vec3 u = transform_transposed(rotation, light.u), v = transform_transposed(rotation, light.v);
     const Vec3 w = transform_transposed(rotation, light.w), back = ray_to(light, position);
@@ -212,7 +209,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds window_of(const LightView& 
         return flat;
     const float near = at_w - half_w, far = at_w + half_w;
     height = -near;
-    if (far < 0.0f)  // only in the way of points behind the light, whose window is everything
+    if (far < 0.0f)  // only in the way of points behind the light, whose bounds are everything
         return { MISS, MISS, MISS, MISS };
     if (!(near > 1.0e-3f * half_w)) {
         height = MISS;
@@ -240,9 +237,9 @@ WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, con
            & (shape.top >= tile.bottom) & (height > floor);
 }
 
-WARPCAM_DEVICE bool within(const LightSpaceBounds& window, float u, float v)
+WARPCAM_DEVICE bool within(const LightSpaceBounds& bounds_uv, float u, float v)
 {
-    return (window.left <= u) & (window.right >= u) & (window.bottom <= v) & (window.top >= v);
+    return (bounds_uv.left <= u) & (bounds_uv.right >= u) & (bounds_uv.bottom <= v) & (bounds_uv.top >= v);
 }
 
 WARPCAM_DEVICE bool may_occlude(const LightSpaceBounds& shape, float height, const LightSpacePoint& point)

@@ -37,7 +37,7 @@ struct PickedCasters {
 // Union of the bounds that a warp's lanes have found.
 WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
 {
-    const LightSpaceBounds& w = cover.window;
+    const LightSpaceBounds& w = cover.bounds_uv;
     return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) },
              warp_min(cover.floor),
              -warp_min(-cover.top),
@@ -65,7 +65,7 @@ WARPCAM_DEVICE Asking asking_at(const LightPass<LENS>& task, const Target& targe
     a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
     if (a.id >= 0) {
         const float depth = target.depth.data[a.at];
-        a.p = view.sight.point(float(i), float(j), depth);
+        a.p = view.reconstructor.point(float(i), float(j), depth);
         a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
         a.span = span_of(view.light, view.origin, a.p, depth);
         a.asks = a.span.near < a.span.reach;
@@ -113,10 +113,10 @@ WARPCAM_DEVICE int gather_outlines(CasterList_& caster_list, int begin, const Sh
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
             if (prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                && (grid.endless || may_occlude(caster.window, caster.height, all.window, all.floor))
+                && (grid.endless || may_occlude(caster.bounds_uv, caster.height, all.bounds_uv, all.floor))
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(caster_list.count);
-                caster_list.outlines[slot] = grid.of_shape(caster.window, caster.height, i);
+                caster_list.outlines[slot] = grid.of_shape(caster.bounds_uv, caster.height, i);
             }
         }
         if (total > CasterList_::CAPACITY) {  // the next round may be too much
@@ -170,7 +170,7 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
         list.records[slot] = caster.record;
         list.aims[slot] = caster.aim;
         mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
-        list.windows[slot] = caster.window;
+        list.bounds_uv[slot] = caster.bounds_uv;
         list.heights[slot] = caster.height;
     }
 }
@@ -184,7 +184,7 @@ WARPCAM_DEVICE bool is_shaded(const CasterList<PICKED, false>& list, const Recei
     unsigned mine = 0;
 #pragma unroll 4
     for (int slot = 0; slot < list.count; ++slot)
-        mine |= unsigned(may_occlude(list.windows[slot], list.heights[slot], a.place)) << slot;
+        mine |= unsigned(may_occlude(list.bounds_uv[slot], list.heights[slot], a.place)) << slot;
     for (mine = a.asks ? mine : 0; mine; mine &= mine - 1) {
         const int slot = ctz(mine);
         const ShapeRecord& record = list.records[slot];
@@ -217,7 +217,7 @@ WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const Light
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 }
 
-// Casts the shadows of one light, as far as they come from the crowd.
+// Casts the shadows of one light, as far as they come from many casters.
 template <class Types, int LENS, int WIDTH, int HEIGHT, class CasterList_, class Shapes, class Materials, class Meshes,
           class HeightFields, class Target>
 WARPCAM_DEVICE void cast_patches(CasterList_& caster_list, PickedCasters& picks, const Patch* patches, const Grid& grid,
@@ -284,9 +284,9 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
     }
 
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         block_sync();  // what is kept for the block may still be in use
@@ -322,7 +322,7 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
                 cast_patches<Types, LENS, WIDTH, HEIGHT>(caster_list, picks[warp], patches, grid, task, camera, shapes,
                                                          materials, meshes, fields, target, lane);
             if (begin < total)
-                block_sync();  // the crowd is still in use
+                block_sync();  // the list is still in use
         } while (begin < total);
     }
 }

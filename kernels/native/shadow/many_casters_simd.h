@@ -9,7 +9,7 @@ namespace warpcam {
 constexpr int PATCH = 16;  // pixels along a side, at most
 
 // Bit mask of the spheres that may shade something in a region.
-inline unsigned spheres_before(const Spheres& s, const LightView& light, const Camera& camera, const TileWindow& region)
+inline unsigned spheres_before(const Spheres& s, const LightView& light, const Camera& camera, const TileBounds& region)
 {
     const Float8 none = 0.0f, one = 1.0f;
     const Vec3x8 c = s.at - broadcast(camera.origin), from = light.distant ? c : c - broadcast(light.aim);
@@ -22,7 +22,7 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
                  w = dot(broadcast(light.w), from);
     Float8 left = u - half, right = u + half, bottom = v - half, top = v + half, height = w + half;
     Int8 unknown = s.unknown;
-    if (!light.distant) {  // as window_of()
+    if (!light.distant) {  // as bounds_uv_of()
         const Int8 aside = ~(w - half > 1.0e-3f * half);
         const Float8 nearest = aside ? one : w - half, at_near = 1.0001f / nearest, at_far = 0.9999f / (w + half);
         unknown |= aside;
@@ -32,7 +32,7 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
         top *= top > none ? at_near : at_far;
         height = -nearest;
     }
-    const LightSpaceBounds& all = region.window;
+    const LightSpaceBounds& all = region.bounds_uv;
     const Int8 may =
         (left <= all.right) & (right >= all.left) & (bottom <= all.top) & (top >= all.bottom) & (height > region.floor);
     return movemask(may | unknown) & s.there;
@@ -41,42 +41,42 @@ inline unsigned spheres_before(const Spheres& s, const LightView& light, const C
 // Fills the list with shapes from `begin` on that may shade something in the region, until it is full; returns where to
 // go on. `spheres`: of the first shapes, as many as the list has room for.
 template <class Types, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-inline int gather_near(List& list, Windows<List::CAPACITY>& windows, int begin, const Spheres* spheres,
+inline int gather_near(List& list, CasterBounds8<List::CAPACITY>& bounds_uv, int begin, const Spheres* spheres,
                        const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                        const HeightFields& fields, const LightView& light, const Camera& camera,
-                       const TileWindow& region, int world)
+                       const TileBounds& region, int world)
 {
     const int total = shapes.drawn.shape[0];
-    windows.count = 0;
-    for (; begin < total && windows.count + SIMD_WIDTH <= List::CAPACITY; begin += SIMD_WIDTH) {
+    bounds_uv.count = 0;
+    for (; begin < total && bounds_uv.count + SIMD_WIDTH <= List::CAPACITY; begin += SIMD_WIDTH) {
         unsigned some =
             spheres_before(begin < List::CAPACITY ? spheres[begin / SIMD_WIDTH] : load_spheres(shapes, world, begin),
                            light, camera, region);
         for (; some; some &= some - 1) {
             Caster caster;
-            const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = windows.count;
+            const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = bounds_uv.count;
             if (!prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                || !may_occlude(caster.window, caster.height, region.window, region.floor)
+                || !may_occlude(caster.bounds_uv, caster.height, region.bounds_uv, region.floor)
                 || transparent(shapes, materials, world, id))
                 continue;
             list.records[slot] = caster.record;
             list.aims[slot] = caster.aim;
             mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
-            list.windows[slot] = caster.window;
+            list.bounds_uv[slot] = caster.bounds_uv;
             list.heights[slot] = caster.height;
-            windows.add(caster.window, caster.height);
+            bounds_uv.add(caster.bounds_uv, caster.height);
         }
     }
-    windows.close();
-    list.count = windows.count;
+    bounds_uv.close();
+    list.count = bounds_uv.count;
     return min(begin, total);
 }
 
 // Bounds, of a list, that may shade something in a patch.
-template <int CAPACITY> struct PickedWindows : Windows<CAPACITY> {
+template <int CAPACITY> struct PickedWindows : CasterBounds8<CAPACITY> {
     short slots[CAPACITY];
 
-    void pick(const Windows<CAPACITY>& all, const TileWindow& patch)
+    void pick(const CasterBounds8<CAPACITY>& all, const TileBounds& patch)
     {
         this->count = 0;
         for (int packet = 0; packet < (all.count + SIMD_WIDTH - 1) / SIMD_WIDTH; ++packet)
@@ -105,10 +105,10 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
     static_assert(ACROSS % PATCH_ACROSS == 0 && DOWN % PATCH_DOWN == 0);
     constexpr int PATCHES_ACROSS = ACROSS / PATCH_ACROSS, PATCHES = PATCHES_ACROSS * (DOWN / PATCH_DOWN);
     CasterList<CAPACITY, false> list;
-    Windows<CAPACITY> windows;
+    CasterBounds8<CAPACITY> bounds_uv;
     PickedWindows<CAPACITY> picked;
     Spheres spheres[CAPACITY / SIMD_WIDTH];  // for all lights
-    Points kept_points[ACROSS * DOWN];
+    Points cached_points[ACROSS * DOWN];
     int world;
     const Region region = region_of<WIDTH, HEIGHT>(target, index, world);
     if (!wp::index(target.mask, world))
@@ -116,10 +116,10 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
     const Camera camera = load_camera(wp::index(views, world));
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     const int total = shapes.drawn.shape[0], num_lights = lights.types.shape[1];
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     bool fresh = true;
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         const ReceiverView<LENS> view = light_view<Types, LENS>(lights, camera, world, number);
@@ -134,9 +134,9 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
         for (int row = 0; row < DOWN; ++row)
             for (int column = 0; column < ACROSS; ++column) {
                 const int tile = row * ACROSS + column;
-                asks[tile] = load(kept_points[tile], column, row, fresh);
+                asks[tile] = load(cached_points[tile], column, row, fresh);
                 if (asks[tile])
-                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(kept_points[tile]);
+                    patches[row / PATCH_DOWN * PATCHES_ACROSS + column / PATCH_ACROSS].add(cached_points[tile]);
             }
         if (fresh)
             for (int first = 0; first < min(total, CAPACITY); first += SIMD_WIDTH)
@@ -144,16 +144,16 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
         fresh = false;
         for (const PointsAround& patch : patches)
             all.add(patch);
-        const TileWindow everything = all.window();
+        const TileBounds everything = all.bounds_uv();
         int begin = everything.floor < MISS ? 0 : total;  // no point asks
         while (begin < total) {
-            begin = gather_near<Types>(list, windows, begin, spheres, shapes, materials, meshes, fields, view.light,
+            begin = gather_near<Types>(list, bounds_uv, begin, spheres, shapes, materials, meshes, fields, view.light,
                                        camera, everything, world);
             for (int patch = 0; patch < PATCHES; ++patch) {
-                const TileWindow its = patches[patch].window();
+                const TileBounds its = patches[patch].bounds_uv();
                 if (!(its.floor < MISS))
                     continue;
-                picked.pick(windows, its);
+                picked.pick(bounds_uv, its);
                 if (picked.count == 0)
                     continue;
                 for (int tile = 0; tile < PATCH_ACROSS * PATCH_DOWN; ++tile) {
@@ -161,7 +161,7 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
                     const int row = patch / PATCHES_ACROSS * PATCH_DOWN + tile / PATCH_ACROSS;
                     if (!asks[row * ACROSS + column])
                         continue;
-                    Points& points = kept_points[row * ACROSS + column];
+                    Points& points = cached_points[row * ACROSS + column];
                     shade_tile<Types>(list, picked, view, world, shapes, meshes, fields, points);
                     points.mark(target, corner + size_t(row) * TILE_HEIGHT * target.width + column * TILE_WIDTH, bit);
                 }

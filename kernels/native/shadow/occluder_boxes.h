@@ -6,11 +6,11 @@
 
 namespace warpcam {
 
-constexpr int SHUTTERS = 32;  // of a mesh: one for each lane of a warp
-constexpr int SHUTTER_ROWS = 3;
-// In Meshes.shutters row k of shutter i of mesh m is row m * ALL_SHUTTER_ROWS + k * SHUTTERS + i; behind a mesh's
-// shutters come as many points, some of them perhaps the same, between which all of the mesh lies: its outline.
-constexpr int ALL_SHUTTER_ROWS = (SHUTTER_ROWS + 1) * SHUTTERS;
+constexpr int MAX_OCCLUDER_BOXES = 32;  // of a mesh: one for each lane of a warp
+constexpr int OCCLUDER_ROWS = 3;
+// In Meshes.occluder_boxes row k of box i of mesh m is row m * ALL_OCCLUDER_ROWS + k * MAX_OCCLUDER_BOXES + i; behind a
+// mesh's boxes come as many points, some of them perhaps the same, between which all of the mesh lies: its outline.
+constexpr int ALL_OCCLUDER_ROWS = (OCCLUDER_ROWS + 1) * MAX_OCCLUDER_BOXES;
 
 // True if meshes have occluder boxes: see accel/meshes.py.
 template <class Types> constexpr bool uses_occluder_boxes()
@@ -24,8 +24,9 @@ struct OccluderBox {
 
     WARPCAM_DEVICE static OccluderBox load_from(const void* rows, int mesh, int number)
     {
-        const unsigned first = unsigned(mesh * ALL_SHUTTER_ROWS + number);
-        return { load(rows, first), load(rows, first + SHUTTERS), load(rows, first + 2 * SHUTTERS) };
+        const unsigned first = unsigned(mesh * ALL_OCCLUDER_ROWS + number);
+        return { load(rows, first), load(rows, first + MAX_OCCLUDER_BOXES),
+                 load(rows, first + 2 * MAX_OCCLUDER_BOXES) };
     }
 
     // Largest distance from the box's middle at which a ray passes its ends: at most 1 means blocked.
@@ -49,7 +50,7 @@ struct OccluderBox {
 
 #if defined(__CUDA_ARCH__)
 
-constexpr int SHUTTER_TRIES = 2;  // a second one where the first stopped some
+constexpr int OCCLUDER_TRIES = 2;  // a second one where the first stopped some
 
 // Finds what a list's mesh covers by its outline, and along diagonals, where all of that lies before the light. Called
 // by one warp.
@@ -57,7 +58,7 @@ template <class List, class Meshes>
 WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light, const Meshes& meshes)
 {
     const ShapeRecord& record = list.records[slot];
-    const int row = record.axis_z.w * ALL_SHUTTER_ROWS + SHUTTER_ROWS * SHUTTERS;
+    const int row = record.axis_z.w * ALL_OCCLUDER_ROWS + OCCLUDER_ROWS * MAX_OCCLUDER_BOXES;
     const Vec3 at =
         as_vec3(load(meshes.occluder_boxes.data, unsigned(row) + threadIdx.x % WARP_SIZE)) - as_vec3(record.origin);
     const Vec3 there = at.x * as_vec3(record.axis_x) + at.y * as_vec3(record.axis_y) + at.z * as_vec3(record.axis_z);
@@ -74,9 +75,9 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
     const auto around = [&](float u, float v) {
         return LightSpaceBounds { warp_min(u - by), -warp_min(-u - by), warp_min(v - by), -warp_min(-v - by) };
     };
-    const LightSpaceBounds window = around(x, y), diagonals = around(x + y, x - y);
+    const LightSpaceBounds bounds_uv = around(x, y), diagonals = around(x + y, x - y);
     if (threadIdx.x % WARP_SIZE == 0) {
-        list.windows[slot] = window;
+        list.bounds_uv[slot] = bounds_uv;
         list.diagonals[slot] = diagonals;
     }
 }
@@ -84,13 +85,13 @@ WARPCAM_DEVICE void outline_caster(List& list, int slot, const LightView& light,
 // Bit mask of the rays of a warp that `ask` and are blocked by occluder boxes of their meshes. Each ray has a mesh, by
 // `slot` in a list and by `mesh`, and is in its frame. One ray is tested against all boxes of its mesh; the box that
 // blocks it best is tested against all rays.
-template <class Meshes> WARPCAM_DEVICE bool meets_shutters(const Meshes& meshes, int slot, int mesh, const Ray& ray,
-                                                           const Span& span, bool asks)
+template <class Meshes> WARPCAM_DEVICE bool blocked_by_boxes(const Meshes& meshes, int slot, int mesh, const Ray& ray,
+                                                             const Span& span, bool asks)
 {
     const int lane = threadIdx.x % WARP_SIZE;
     bool stopped = false;
 #pragma unroll 1
-    for (int number = 0; number < SHUTTER_TRIES; ++number) {
+    for (int number = 0; number < OCCLUDER_TRIES; ++number) {
         const unsigned asking = __ballot_sync(FULL_WARP, asks);
         if (!asking)
             break;

@@ -42,30 +42,30 @@ template <int BYTES> WARPCAM_DEVICE bool all_are(const AlignedArray<unsigned, BY
 // Strips of 32x4 pixels that a warp looks through, four bits each of which the lowest counts.
 constexpr unsigned EACH_STRIP = 0x11111111u;
 
-// The sides of a window are straight lines in the image of a plane. A lane has one of the four: by how much the pixel
+// The sides of bounds are straight lines in the image of a plane. A lane has one of the four: by how much the pixel
 // of a strip that lies farthest inside of it does, times something positive; changes from column to column and from row
 // to row, and of the strip at the image's first pixel.
-struct FloorShade {
+struct PlaneReceiverCull {
     float across, down, start;
-    bool known;
+    bool valid;
 
     // Bit mask of the strips, of eight with four lanes each, in which no caster shades the plane. A lane's strip starts
     // at column i and row j.
     WARPCAM_DEVICE unsigned missed(float i, float j) const
     {
-        unsigned outside = __ballot_sync(FULL_WARP, known & (start + i * across + j * down < 0.0f));
+        unsigned outside = __ballot_sync(FULL_WARP, valid & (start + i * across + j * down < 0.0f));
         outside |= outside >> 1;
         return (outside | outside >> 2) & EACH_STRIP;
     }
 };
 
 // `bounds`: what all casters cover.
-template <class View> WARPCAM_DEVICE FloorShade floor_shade(const View& view, const Floor& floor,
-                                                            const LightSpaceBounds& bounds, const Region& region,
-                                                            int lane)
+template <class View> WARPCAM_DEVICE PlaneReceiverCull plane_receiver_cull(const View& view, const Floor& floor,
+                                                                           const LightSpaceBounds& bounds,
+                                                                           const Region& region, int lane)
 {
     const float side = floor.away < 0.0f ? -1.0f : 1.0f, away = side * floor.away;
-    const auto& ray = view.sight;
+    const auto& ray = view.reconstructor;
     const auto& lit = view.lit;
     // A ray's way to the plane is `away` over this; all is multiplied by it, as it is not negative where the plane is
     // seen.
@@ -81,18 +81,18 @@ template <class View> WARPCAM_DEVICE FloorShade floor_shade(const View& view, co
     const Vec3 whole = distant ? rate : w;
     const Vec3 at = lane & 2 ? v : u;
     const float edge = lane & 2 ? (lane & 1 ? bounds.top : bounds.bottom) : lane & 1 ? bounds.right : bounds.left;
-    // Nothing lies beyond an edge that is endless, or that has no place: shapes behind a lamp have such.
+    // Nothing lies beyond an edge that is endless, or that has no place: shapes behind a light have such.
     const bool ends = abs(edge) < MAX_RAY_T;
     const Vec3 in = !ends ? Vec3 { 0.0f, 0.0f, 1.0f } : lane & 1 ? edge * whole - at : at - edge * whole;
     // Half a pixel more on each side than the strip has, which is more than all rounding.
-    FloorShade own { in.x, in.y, in.z + 15.5f * in.x + 16.0f * abs(in.x) + 1.5f * in.y + 2.0f * abs(in.y),
-                     floor.shape >= 0 };
+    PlaneReceiverCull own { in.x, in.y, in.z + 15.5f * in.x + 16.0f * abs(in.x) + 1.5f * in.y + 2.0f * abs(in.y),
+                            floor.shape >= 0 };
     // All of the region's plane must lie clearly before the light.
     const float i = float(lane & 1 ? region.left + region.width : region.left - 1);
     const float j = float(lane & 2 ? region.top + region.height : region.top - 1);
     const auto value = [&](const Vec3& of) { return of.z + i * of.x + j * of.y; };
     const bool before = distant || value(w) > 1.0e-3f * (abs(value(u)) + abs(value(v)));
-    own.known = __all_sync(FULL_WARP, own.known & before);
+    own.valid = __all_sync(FULL_WARP, own.valid & before);
     return own;
 }
 

@@ -21,7 +21,7 @@ template <int LENS> using RowRays = typename RaysOfRow<has_table(LENS)>::type;
 template <int LENS> inline void row_rays(const PointReconstructor<LENS>& s, int left, int row, RowRays<LENS>& rays)
 {
     if constexpr (has_table(LENS))
-        beams_from<LENS>(s.camera, left, row, rays);
+        offset_rays_from<LENS>(s.camera, left, row, rays);
     else
         rays = { float(left) + Float8 { 0, 1, 2, 3, 4, 5, 6, 7 }, (Float8) float(row) };
 }
@@ -40,9 +40,10 @@ inline Vec3x8 points_of(const PointReconstructor<ORTHOGRAPHIC>& s, const RowPart
              s.start.z + at.i * s.across.z + at.j * s.down.z + depth * s.along.z };
 }
 
-template <int LENS> inline Vec3x8 points_of(const PointReconstructor<LENS>& s, const OffsetRay8& beams, Float8 depth)
+template <int LENS>
+inline Vec3x8 points_of(const PointReconstructor<LENS>& s, const OffsetRay8& offset_rays, Float8 depth)
 {
-    const Vec3x8 v = places_on<LENS>(beams, depth);
+    const Vec3x8 v = places_on<LENS>(offset_rays, depth);
     return broadcast(s.along) + (v.x * broadcast(s.right) + v.y * broadcast(s.up) + v.z * broadcast(s.back));
 }
 
@@ -109,9 +110,9 @@ struct Points {
             open[row] = asks;
             if (any(asks)) {
                 RowRays<LENS> rays;
-                row_rays(view.sight, left, top + row, rays);
-                put(row, view.light, view.origin, points_of(view.sight, rays, depth), points_of(view.lit, rays, depth),
-                    depth);
+                row_rays(view.reconstructor, left, top + row, rays);
+                put(row, view.light, view.origin, points_of(view.reconstructor, rays, depth),
+                    points_of(view.lit, rays, depth), depth);
             }
             asked[row] = open[row];
         }
@@ -207,33 +208,33 @@ struct PointsAround {
         floor = min(floor, other.floor);
     }
 
-    TileWindow window() const
+    TileBounds bounds_uv() const
     {
         return { { reduce_min(left), -reduce_min(-right), reduce_min(bottom), -reduce_min(-top) }, reduce_min(floor) };
     }
 };
 
-// The windows of so many casters at most, part by part.
-template <int CAPACITY> struct Windows {
+// The bounds of so many casters at most, part by part.
+template <int CAPACITY> struct CasterBounds8 {
     static constexpr int PACKETS = (CAPACITY + SIMD_WIDTH - 1) / SIMD_WIDTH;
     Float8 left[PACKETS], right[PACKETS], bottom[PACKETS], top[PACKETS], height[PACKETS];
     int count = 0;
 
-    Windows() = default;
-    template <class List> explicit Windows(const List& list)
+    CasterBounds8() = default;
+    template <class List> explicit CasterBounds8(const List& list)
     {
         for (int slot = 0; slot < list.count; ++slot)
-            add(list.windows[slot], list.heights[slot]);
+            add(list.bounds_uv[slot], list.heights[slot]);
         close();
     }
 
-    void add(const LightSpaceBounds& window, float its_height)
+    void add(const LightSpaceBounds& bounds_uv, float its_height)
     {
         const int packet = count / SIMD_WIDTH, k = count % SIMD_WIDTH;
-        left[packet][k] = window.left;
-        right[packet][k] = window.right;
-        bottom[packet][k] = window.bottom;
-        top[packet][k] = window.top;
+        left[packet][k] = bounds_uv.left;
+        right[packet][k] = bounds_uv.right;
+        bottom[packet][k] = bounds_uv.bottom;
+        top[packet][k] = bounds_uv.top;
         height[packet][k] = its_height;
         ++count;
     }
@@ -246,9 +247,9 @@ template <int CAPACITY> struct Windows {
     }
 
     // Bit mask of the casters, of eight, that may shade a point of a tile.
-    unsigned may_occlude(int packet, const TileWindow& tile) const
+    unsigned may_occlude(int packet, const TileBounds& tile) const
     {
-        const LightSpaceBounds& w = tile.window;
+        const LightSpaceBounds& w = tile.bounds_uv;
         const Int8 may = (left[packet] <= w.right) & (right[packet] >= w.left) & (bottom[packet] <= w.top)
                          & (top[packet] >= w.bottom) & (height[packet] > tile.floor);
         return movemask(may);

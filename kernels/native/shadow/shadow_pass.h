@@ -27,13 +27,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
     const auto p = wp::index(lights.positions, world, light), d = wp::index(lights.directions, world, light);
     const LightView made = make_light(distant, { p[0], p[1], p[2] }, { d[0], d[1], d[2] }, camera,
                                       map_size(lights, distant, per_world(lights.cutoff, world, light)));
-    const PointReconstructor<LENS> sight = sight_of<LENS>(camera);
+    const PointReconstructor<LENS> reconstructor = reconstructor_of<LENS>(camera);
     bool dims = false;
     if constexpr (Types::has(MESH) && Types::has(SHADING_BACKS)) {
         const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
-    return { made, sight, lit_sight(made, sight), camera.origin, dims };
+    return { made, reconstructor, lit_reconstructor(made, reconstructor), camera.origin, dims };
 }
 
 // Work for one light in one region. CUDA keeps it in shared memory: in registers it would crowd out what mesh
@@ -110,7 +110,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         ON_FLOOR) {  // a warp finds out which of its strips are to be looked through; then all warps share them
         const unsigned own = Strips::of_warp(threadIdx.x / WARP_SIZE, lane / 4);
         const unsigned missed =
-            floor_shade(view, floor, list.bounds, task.region, lane)
+            plane_receiver_cull(view, floor, list.bounds, task.region, lane)
                 .missed(float(task.region.left + Strips::column(own)), float(task.region.top + Strips::row(own)));
         const unsigned todo = Strips::ALL_OF_WARP & ~(floors & missed);
         if (lane == 0 && todo)
@@ -151,10 +151,10 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const bool asks = id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
-        const TileWindow around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : window_around(place, asks);
+        const TileBounds around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : bounds_uv_around(place, asks);
         if (!HAS_MESH && !may_occlude(list, around))
             return true;
-        const Vec3 p = view.sight.point(i, j, depth);
+        const Vec3 p = view.reconstructor.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
         const bool met_any = shade_tile<Types>(list, view, p, id, span, place, around, open, fields, met);
@@ -164,15 +164,15 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             const ShapeRecord& record = list.records[slot];
             const Ray ray = look_back(record, list.aims[slot], p, view.light.distant);
             if (keep && record.axis_y.w == id) {
-                const Vec3 sight = WorldRay::transform(record, view.sight.along_of(p, i, j), { 0.0f, 0.0f, 0.0f });
+                const Vec3 view_direction = transform_rows(record, view.reconstructor.along_of(p, i, j));
                 const Facing facing =
                     face_light<Types>(meshes, record.axis_z.w, target.face.data[at], view.light.distant,
-                                      { as_vec3(list.aims[slot]), ray.direction, sight });
+                                      { as_vec3(list.aims[slot]), ray.direction, view_direction });
                 keep = (facing.front || view.dims) && (!facing.clear || others_met(list, met, slot));
                 tries = keep && !facing.clear;
             }
             if constexpr (uses_occluder_boxes<Types>()) {
-                if (meets_shutters(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
+                if (blocked_by_boxes(meshes, slot, record.axis_z.w, ray, thin_span(view.light, span), tries)) {
                     mark_shadow<BESIDE>(target, at, task.bit);
                     keep = false;
                 }
@@ -203,7 +203,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     const int world = task.world;
     const unsigned bit = task.bit;
     const bool fresh = task.fresh;
-    const Windows<List::CAPACITY> windows(list);
+    const CasterBounds8<List::CAPACITY> bounds_uv(list);
     Points points;
     constexpr int across = WIDTH / TILE_WIDTH, tiles = across * (HEIGHT / TILE_HEIGHT);
     for (int tile = 0; tile < tiles; ++tile) {
@@ -212,7 +212,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const size_t first = corner + size_t(row) * target.width + column;
         if (!points.template load<Types>(view, target, first, left, region.top + row, bit, fresh))
             continue;
-        shade_tile<Types>(list, windows, view, world, shapes, meshes, fields, points);
+        shade_tile<Types>(list, bounds_uv, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);
     }
 #endif
@@ -266,7 +266,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
-    ActiveLights kept = kept_lights(lights);
+    ActiveLights active = active_lights(lights);
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
     bool fresh = true;
     unsigned floors = 0;
@@ -287,7 +287,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         int first = 0, place = -1;
         while (casting || first < num_lights) {
             if (!casting) {
-                place = kept.next_of_lanes(lights, world, first + thread % WARP_SIZE, num_lights);
+                place = active.next_of_lanes(lights, world, first + thread % WARP_SIZE, num_lights);
                 casting = __ballot_sync(FULL_WARP, place >= 0 && casts(lights, world, first + thread % WARP_SIZE));
                 first += WARP_SIZE;
                 continue;
@@ -332,7 +332,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
     }
 #endif
     for (int number = 0; number < num_lights; ++number) {
-        const int place = kept.next(lights, world, number);
+        const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
         auto& list = lists[0];

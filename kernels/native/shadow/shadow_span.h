@@ -8,7 +8,7 @@ namespace warpcam {
 // One light in one view.
 template <int LENS> struct ReceiverView {
     LightView light;
-    PointReconstructor<LENS> sight;  // points from the camera, along the world's axes
+    PointReconstructor<LENS> reconstructor;  // points from the camera, along the world's axes
     PointReconstructor<LENS> lit;    // the same along the light's axes
     Vec3 origin;         // the camera, world frame
     bool dims;          // its shadow takes an ambient part from what is turned away from it, too: of meshes
@@ -39,7 +39,7 @@ WARPCAM_DEVICE Span thin_span(const LightView& light, const Span& span)
 WARPCAM_DEVICE Ray look_back(const ShapeRecord& record, const Float3Int& aim, Vec3 p, bool distant)
 {
     const Float3Int o = record.origin;
-    const Vec3 origin = WorldRay::transform(record, p, { o.x, o.y, o.z });
+    const Vec3 origin = transform_rows(record, p, o);
     const float s = distant ? 0.0f : 1.0f;
     return { origin, { aim.x - s * origin.x, aim.y - s * origin.y, aim.z - s * origin.z } };
 }
@@ -78,8 +78,8 @@ template <class HeightFields> WARPCAM_DEVICE bool in_shade_of_field(const Height
 }
 
 // Bounds of a tile's points that ask, and the lowest of them.
-struct TileWindow {
-    LightSpaceBounds window;
+struct TileBounds {
+    LightSpaceBounds bounds_uv;
     float floor;
 };
 

@@ -10,9 +10,9 @@ namespace warpcam {
 #if defined(__CUDA_ARCH__)
 
 // Bounds of unknown points.
-WARPCAM_DEVICE TileWindow whole_tile() { return { { -MISS, MISS, -MISS, MISS }, -MISS }; }
+WARPCAM_DEVICE TileBounds whole_tile() { return { { -MISS, MISS, -MISS, MISS }, -MISS }; }
 
-WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
+WARPCAM_DEVICE TileBounds bounds_uv_around(const LightSpacePoint& place, bool asks)
 {
     const float u = place.beside ? -MISS : place.u, v = place.beside ? -MISS : place.v;
     return { { warp_min(asks ? u : MISS), -warp_min(asks ? place.beside ? u : -u : MISS), warp_min(asks ? v : MISS),
@@ -21,11 +21,11 @@ WARPCAM_DEVICE TileWindow window_around(const LightSpacePoint& place, bool asks)
 }
 
 // True if any caster of a list may shade a tile.
-template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const TileWindow& tile)
+template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const TileBounds& tile)
 {
     bool any = false;
     for (int slot = threadIdx.x % WARP_SIZE; slot < (list.count + 31) / 32 * 32; slot += WARP_SIZE)
-        any |= may_occlude(list.windows[slot], list.heights[slot], tile.window, tile.floor);
+        any |= may_occlude(list.bounds_uv[slot], list.heights[slot], tile.bounds_uv, tile.floor);
     return __any_sync(FULL_WARP, any);
 }
 
@@ -34,7 +34,7 @@ template <class List> WARPCAM_DEVICE bool may_occlude(const List& list, const Ti
 // `met`, bits by slot, if the way to the light intersects their boxes; returns true if there are any.
 template <class Types, int LENS, class List, class HeightFields>
 WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view, Vec3 p, int id, const Span& span,
-                               const LightSpacePoint& place, const TileWindow& tile, bool& open,
+                               const LightSpacePoint& place, const TileBounds& tile, bool& open,
                                const HeightFields& fields, unsigned* met)
 {
     constexpr bool HAS_MESH = Types::has(MESH), HAS_FIELD = Types::has(HEIGHT_FIELD);
@@ -43,11 +43,11 @@ WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view,
     bool met_any = false;
     for (int word = 0; word < words; ++word) {
         const bool mine =
-            may_occlude(list.windows[word * 32 + lane], list.heights[word * 32 + lane], tile.window, tile.floor);
+            may_occlude(list.bounds_uv[word * 32 + lane], list.heights[word * 32 + lane], tile.bounds_uv, tile.floor);
         unsigned word_met = 0;
         for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1) {
             const int bit = ctz(mask), slot = word * 32 + bit;
-            bool meets = open & may_occlude(list.windows[slot], list.heights[slot], place);
+            bool meets = open & may_occlude(list.bounds_uv[slot], list.heights[slot], place);
             if (!__any_sync(FULL_WARP, meets))
                 continue;
             const ShapeRecord& record = list.records[slot];

@@ -7,17 +7,14 @@ namespace warpcam {
 
 // Clears `open` of those points of a row that lie in the shadow of an analytic caster. INSIDE: by the side that points
 // inside of the shape look out by.
-template <int TYPE, bool INSIDE>
-inline void shade_points(const ShapeRecord& r, const Float3Int& aim, const LightView& light, int row, Points& points)
+template <bool INSIDE, class Shape> inline void shade_points(Shape shape, const ShapeRecord& r, const Float3Int& aim,
+                                                             const LightView& light, int row, Points& points)
 {
-    const Float3Int o = r.origin;
     const Vec3 a { aim.x, aim.y, aim.z };
     const Vec3x8 p = points.at[row];
-    const Vec3x8 origin { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + o.x,
-                          r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + o.y,
-                          r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + o.z };
+    const Vec3x8 origin = transform_rows(r, p, r.origin);
     const Vec3x8 direction = light.distant ? broadcast(a) : broadcast(a) - origin;
-    const Float8 t = INSIDE ? intersect_exit<TYPE>(r, origin, direction) : enter<TYPE>(r, origin, direction);
+    const Float8 t = INSIDE ? intersect_exit(shape, r, origin, direction) : shape.intersect(r.size, origin, direction);
     const Float8 near = INSIDE ? points.near[row] + light.map.nearest : points.near[row];
     points.open[row] &= ~((t > near) & (t < points.reach[row]));
 }
@@ -54,9 +51,7 @@ template <class HeightFields> inline void shade_points_by_field(const HeightFiel
 inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box, Vec3x8 p, Float8 near, Float8 reach,
                      bool distant)
 {
-    const Vec3x8 o { r.axis_x.x * p.x + r.axis_x.y * p.y + r.axis_x.z * p.z + r.origin.x,
-                     r.axis_y.x * p.x + r.axis_y.y * p.y + r.axis_y.z * p.z + r.origin.y,
-                     r.axis_z.x * p.x + r.axis_z.y * p.y + r.axis_z.z * p.z + r.origin.z };
+    const Vec3x8 o = transform_rows(r, p, r.origin);
     const Vec3x8 a = broadcast({ aim.x, aim.y, aim.z }), d = distant ? a : a - o;
     const Vec3x8 inverse { rcp(avoid_zero(d.x)), rcp(avoid_zero(d.y)), rcp(avoid_zero(d.z)) };
     const Float8 pad = 2.0e-6f * (abs(o.x) + abs(o.y) + abs(o.z));
@@ -72,22 +67,17 @@ inline Int8 meet_box(const ShapeRecord& r, const Float3Int& aim, const Box& box,
 template <class Types>
 inline void put_rays(MeshRays& rays, int first, const ShapeRecord& r, Vec3x8 p, Vec3x8 to, Float8 near, Float8 reach)
 {
-    const auto dot_axis = [&](Vec3x8 v, Vec3 start) {
-        return Vec3x8 { r.axis_x.x * v.x + r.axis_x.y * v.y + r.axis_x.z * v.z + start.x,
-                        r.axis_y.x * v.x + r.axis_y.y * v.y + r.axis_y.z * v.z + start.y,
-                        r.axis_z.x * v.x + r.axis_z.y * v.y + r.axis_z.z * v.z + start.z };
-    };
-    const Vec3 none { 0.0f, 0.0f, 0.0f };
-    const Vec3x8 own = dot_axis(to, none), d = Types::has(PER_SHAPE_SCALE) ? own : to;
+    const Vec3x8 own = transform_rows(r, to), d = Types::has(PER_SHAPE_SCALE) ? own : to;
     const Float8 zero = 0.0f;
     const Vec3x8 across = select(abs(d.z) > abs(d.x), { zero, d.z, -d.y }, { d.y, -d.x, zero });
     const Vec3x8 frame[3] = { across, cross(across, d), rcp(dot(d, d)) * d };
-    const Vec3x8 origin = dot_axis(p, { r.origin.x, r.origin.y, r.origin.z });
+    const Vec3x8 origin = transform_rows(r, p, r.origin);
     if constexpr (Types::has(PER_SHAPE_SCALE))
         rays.put_eight(first, origin, own, r.size.x, frame, near, reach);
     else
         rays.put_eight(first, origin, own, r.size.x,
-                       { dot_axis(frame[0], none), dot_axis(frame[1], none), dot_axis(frame[2], none) }, near, reach);
+                       { transform_rows(r, frame[0]), transform_rows(r, frame[1]), transform_rows(r, frame[2]) }, near,
+                       reach);
 }
 
 // Clears `open` of the points that lie in the shadow of a mesh. `behind`: bits of the meshes that may shade any.
@@ -105,7 +95,7 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
             MeshRays walk(node_rows(meshes, record.axis_z.w), face_rows(meshes, record.axis_z.w));
             unsigned walks = 0;
             for (int row = 0; row < Points::ROWS; ++row) {
-                const Int8 asks = points.may_be_shaded(row, list.windows[slot], list.heights[slot]);
+                const Int8 asks = points.may_be_shaded(row, list.bounds_uv[slot], list.heights[slot]);
                 if (!any(asks))
                     continue;
                 const Float8 near = points.near[row] + light.map.nearest;
@@ -115,10 +105,10 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                 for (unsigned asked = met & ~(known >> row * SIMD_WIDTH); asked; asked &= asked - 1) {
                     const int lane = row * SIMD_WIDTH + ctz(asked);
                     const Vec3 point = points.point(lane);
-                    const Vec3 sight = view.sight.along_of(point, float(points.left + lane % TILE_WIDTH),
-                                                           float(points.top + lane / TILE_WIDTH));
+                    const Vec3 view_direction = view.reconstructor.along_of(
+                        point, float(points.left + lane % TILE_WIDTH), float(points.top + lane / TILE_WIDTH));
                     const Facing one = face_light<Types>(shapes, meshes, world, points.ids[lane], points.faces[lane],
-                                                         light, view.origin, sight, point);
+                                                         light, view.origin, view_direction, point);
                     facing |= unsigned(one.front) << lane;
                 }
                 known |= met << row * SIMD_WIDTH;
@@ -143,60 +133,48 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
         }
 }
 
-// Clears `open` of the points that lie in the shadow of a caster in the list, of those in `windows`.
-template <class Types, int LENS, class List, class ListWindows, class Shapes, class Meshes, class HeightFields>
-inline void shade_tile(const List& list, const ListWindows& windows, const ReceiverView<LENS>& view, int world,
+// Clears `open` of the points that lie in the shadow of a caster in the list, of those in `bounds_uv`.
+template <class Types, int LENS, class List, class ListBounds, class Shapes, class Meshes, class HeightFields>
+inline void shade_tile(const List& list, const ListBounds& bounds_uv, const ReceiverView<LENS>& view, int world,
                        const Shapes& shapes, const Meshes& meshes, const HeightFields& fields, Points& points)
 {
     constexpr bool HAS_MESH = Types::has(MESH);
     PointsAround around;
     around.add(points);
-    const TileWindow tile = around.window();
+    const TileBounds tile = around.bounds_uv();
     unsigned behind[List::WORDS] = {};  // meshes
     bool found = false;
     constexpr int TOGETHER = 64;  // casters that are looked through before one of them is tried
-    for (int first = 0; first < windows.count; first += TOGETHER) {
+    for (int first = 0; first < bounds_uv.count; first += TOGETHER) {
         unsigned long long some = 0;
-        for (int number = first; number < first + TOGETHER && number < windows.count; number += SIMD_WIDTH)
-            some |= static_cast<unsigned long long>(windows.may_occlude(number / SIMD_WIDTH, tile)) << (number - first);
+        for (int number = first; number < first + TOGETHER && number < bounds_uv.count; number += SIMD_WIDTH)
+            some |= static_cast<unsigned long long>(bounds_uv.may_occlude(number / SIMD_WIDTH, tile))
+                    << (number - first);
         int tries[TOGETHER * Points::ROWS],
             count = 0;  // rows and casters, found without branches that cannot be foreseen
         for (; some; some &= some - 1) {
-            const int slot = windows.slot_of(first + __builtin_ctzll(some));
+            const int slot = bounds_uv.slot_of(first + __builtin_ctzll(some));
             for (int row = 0; row < Points::ROWS; ++row) {
                 tries[count] = slot * Points::ROWS + row;
-                count += any(points.may_be_shaded(row, list.windows[slot], list.heights[slot]));
+                count += any(points.may_be_shaded(row, list.bounds_uv[slot], list.heights[slot]));
             }
         }
         for (int k = 0; k < count; ++k) {
             const int slot = tries[k] / Points::ROWS, row = tries[k] % Points::ROWS;
             const ShapeRecord& record = list.records[slot];
             const Float3Int& aim = list.aims[slot];
-            switch (record.axis_x.w) {
-#define WARPCAM_CASE(TYPE)                                                                                             \
-    case TYPE:                                                                                                         \
-        if constexpr (Types::has(TYPE))                                                                                \
-            shade_points<TYPE, false>(record, aim, view.light, row, points);                                           \
-        if constexpr (Types::has(TYPE) && Types::has(TRANSPARENT_CASTERS))                                             \
-            if (aim.w)                                                                                                 \
-                shade_points<TYPE, true>(record, aim, view.light, row, points);                                        \
-        break;
-                WARPCAM_CASE(PLANE)
-                WARPCAM_CASE(SPHERE)
-                WARPCAM_CASE(CAPSULE)
-                WARPCAM_CASE(ELLIPSOID)
-                WARPCAM_CASE(CYLINDER)
-                WARPCAM_CASE(BOX)
-                WARPCAM_CASE(CONE)
-                WARPCAM_CASE(BARREL)
-#undef WARPCAM_CASE
-            case HEIGHT_FIELD:
-                if constexpr (Types::has(HEIGHT_FIELD))
-                    shade_points_by_field(fields, record, view.light, row, points);
-                break;
-            default:
+            if (HAS_MESH && record.axis_x.w == MESH) {
                 behind[slot / 32] |= 1u << slot % 32;
                 found = true;
+            } else if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD) {
+                shade_points_by_field(fields, record, view.light, row, points);
+            } else {
+                visit_shape<Types::ANALYTIC>(record.axis_x.w, [&](auto shape) {
+                    shade_points<false>(shape, record, aim, view.light, row, points);
+                    if constexpr (Types::has(TRANSPARENT_CASTERS))
+                        if (aim.w)
+                            shade_points<true>(shape, record, aim, view.light, row, points);
+                });
             }
         }
     }

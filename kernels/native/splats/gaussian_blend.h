@@ -6,8 +6,9 @@
 // (Moenne-Loccoz et al., "3D Gaussian Ray Tracing", SIGGRAPH Asia 2024, sections 4.3 and 4.4). Rows are scaled so that
 // the ellipsoid where a Gaussian ends is the unit sphere.
 //
-// The ray keeps the MAX_ORDERED_HITS nearest that it has not blended yet, by t, and walks the clouds' trees again for the next ones
-// until nothing is left or little light comes through. t is the same in all frames, for which planar depth is taken.
+// The ray keeps the MAX_ORDERED_HITS nearest that it has not blended yet, by t, and walks the clouds' trees again for
+// the next ones until nothing is left or little light comes through. t is the same in all frames, for which planar
+// depth is taken.
 #pragma once
 #include "splats/gaussian_cloud.h"
 #include "core/srgb.h"

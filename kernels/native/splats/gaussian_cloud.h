@@ -39,22 +39,14 @@ template <class Shapes, class Splats> WARPCAM_DEVICE void load_cloud(Cloud& clou
         return;
     const auto position = *wp::address(shapes.positions, world, shape);
     const auto rotation = *wp::address(shapes.rotations, world, shape);
-    Mat3 r;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            r.at[i][j] = rotation.data[i][j];
+    if (rotation.data[0][0] == 0.0f && rotation.data[1][0] == 0.0f && rotation.data[2][0] == 0.0f)
+        return;
+    const Mat3 r = as_mat3(rotation), m = transposed_times(r, camera.rotation);
     const Vec3 scale { 1.0f / size.x, 1.0f / size.y, 1.0f / size.z };
     const Vec3 o = mul(scale, transform_transposed(r, camera.origin - as_vec3(position)));
     Float3Int* rows[3] = { &cloud.axis_x, &cloud.axis_y, &cloud.axis_z };
     for (int i = 0; i < 3; ++i) {
-        Vec3 v;
-        v.x = r.at[0][i] * camera.rotation.at[0][0] + r.at[1][i] * camera.rotation.at[1][0]
-              + r.at[2][i] * camera.rotation.at[2][0];
-        v.y = r.at[0][i] * camera.rotation.at[0][1] + r.at[1][i] * camera.rotation.at[1][1]
-              + r.at[2][i] * camera.rotation.at[2][1];
-        v.z = r.at[0][i] * camera.rotation.at[0][2] + r.at[1][i] * camera.rotation.at[1][2]
-              + r.at[2][i] * camera.rotation.at[2][2];
-        v = component(scale, i) * v;
+        const Vec3 v = component(scale, i) * Vec3 { m.at[i][0], m.at[i][1], m.at[i][2] };
         rows[i]->x = v.x;
         rows[i]->y = v.y;
         rows[i]->z = v.z;

@@ -150,12 +150,12 @@ WARPCAM_DEVICE void add_bilinear(const unsigned* texels, const Level& level, flo
 }
 
 #if defined(__CUDA_ARCH__)
-WARPCAM_DEVICE Vec3 look_up(unsigned long long sheet, float x, float y)
+WARPCAM_DEVICE Vec3 look_up(unsigned long long atlas, float x, float y)
 {
     float red, green, blue, alpha;
     asm("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
         : "=f"(red), "=f"(green), "=f"(blue), "=f"(alpha)
-        : "l"(sheet), "f"(x), "f"(y));
+        : "l"(atlas), "f"(x), "f"(y));
     return { red, green, blue };
 }
 
@@ -188,19 +188,19 @@ WARPCAM_DEVICE Vec3 sample_levels(const unsigned* texels, const Level& level, in
     return to_color(blend);
 }
 
-// The sheet that a texture lies on; 0 where it has none.
-template <class Textures> WARPCAM_DEVICE unsigned long long sheet_of(const Textures& textures, int texture)
+// The mip atlas of a texture; 0 where it has none.
+template <class Textures> WARPCAM_DEVICE unsigned long long atlas_of(const Textures& textures, int texture)
 {
 #if defined(__CUDA_ARCH__)
-    if (texture >= 0 && texture < textures.sheets.shape[0])
-        return wp::index(textures.sheets, texture);
+    if (texture >= 0 && texture < textures.atlases.shape[0])
+        return wp::index(textures.atlases, texture);
 #endif
     return 0;
 }
 
 // Place of a mip level in its image's atlas: width, height, left and top, all floats. Level 0 is on the left, the
 // others below each other beside it; each has a border of a texel, which repeats the opposite side.
-WARPCAM_DEVICE Float3Int level_on_sheet(const Image& image, int number)
+WARPCAM_DEVICE Float3Int level_in_atlas(const Image& image, int number)
 {
     int width = image.width >> number, height = image.height >> number, left = image.width + 3, top;
     if (number == 0) {
@@ -218,7 +218,7 @@ WARPCAM_DEVICE Float3Int level_on_sheet(const Image& image, int number)
 
 // Place of a cube's mip level in its atlas: side, distance between faces, left and top. The faces of a level are in a
 // row, with borders of the faces that they meet, the levels below each other.
-WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
+WARPCAM_DEVICE Float3Int cube_level_in_atlas(int size, int number)
 {
     const int side = size >> number;
     int top = 1;
@@ -233,22 +233,22 @@ WARPCAM_DEVICE Float3Int level_of_cube_on_sheet(int size, int number)
 }
 
 #if defined(__CUDA_ARCH__)
-// Colour in [0, 1] at (u, v), in images, between two levels of a sheet; `on` says how far on. The hardware's filter
+// Colour in [0, 1] at (u, v), in images, between two levels of an atlas; `on` says how far on. The hardware's filter
 // rounds how far a place is from a texel to 1/256.
-WARPCAM_DEVICE Vec3 sample_sheet(unsigned long long sheet, const Float3Int& near, const Float3Int& far, float u,
+WARPCAM_DEVICE Vec3 sample_atlas(unsigned long long atlas, const Float3Int& near, const Float3Int& far, float u,
                                  float v, float on)
 {
     u = fraction(u);
     v = fraction(v);
-    const Vec3 first = look_up(sheet, fma(u, near.x, near.z), fma(v, near.y, as_float(near.w)));
-    const Vec3 second = look_up(sheet, fma(u, far.x, far.z), fma(v, far.y, as_float(far.w)));
+    const Vec3 first = look_up(atlas, fma(u, near.x, near.z), fma(v, near.y, as_float(near.w)));
+    const Vec3 second = look_up(atlas, fma(u, far.x, far.z), fma(v, far.y, as_float(far.w)));
     return first + on * (second - first);
 }
 #endif
 
 #if defined(__CUDA_ARCH__)
 // Samples a 2-D texture from its mip atlas, as sample_2d() does from texels.
-WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image, float u, float v, Float2 right,
+WARPCAM_DEVICE Vec3 sample_2d_atlas(unsigned long long atlas, const Image& image, float u, float v, Float2 right,
                                     Float2 down)
 {
     const float width = float(image.width), height = float(image.height);
@@ -257,7 +257,7 @@ WARPCAM_DEVICE Vec3 sample_2d_sheet(unsigned long long sheet, const Image& image
     const float detail =
         level_of_detail(right_u * right_u + right_v * right_v, down_u * down_u + down_v * down_v, image.levels);
     const int steps = int(detail);
-    return sample_sheet(sheet, level_on_sheet(image, steps), level_on_sheet(image, min(steps + 1, image.levels - 1)), u,
+    return sample_atlas(atlas, level_in_atlas(image, steps), level_in_atlas(image, min(steps + 1, image.levels - 1)), u,
                         v, detail - float(steps));
 }
 #endif
@@ -385,17 +385,17 @@ static WARPCAM_NOINLINE Vec3 sample_cube(const unsigned* texels, const Image& im
 
 #if defined(__CUDA_ARCH__)
 // Samples a cube texture from its mip atlas.
-WARPCAM_DEVICE Vec3 sample_cube_sheet(unsigned long long sheet, const Image& image, Vec3 direction, Vec3 right,
+WARPCAM_DEVICE Vec3 sample_cube_atlas(unsigned long long atlas, const Image& image, Vec3 direction, Vec3 right,
                                       Vec3 down)
 {
     const OnCube on = on_cube(image, direction, right, down);
     const int steps = int(on.detail);
-    const Float3Int near = level_of_cube_on_sheet(image.width, steps);
-    const Float3Int far = level_of_cube_on_sheet(image.width, min(steps + 1, image.levels - 1));
+    const Float3Int near = cube_level_in_atlas(image.width, steps);
+    const Float3Int far = cube_level_in_atlas(image.width, min(steps + 1, image.levels - 1));
     const float face = float(on.face), part = on.detail - float(steps);
     const Vec3 first =
-        look_up(sheet, fma(face, near.y, fma(on.s, near.x, near.z)), fma(on.t, near.x, as_float(near.w)));
-    const Vec3 second = look_up(sheet, fma(face, far.y, fma(on.s, far.x, far.z)), fma(on.t, far.x, as_float(far.w)));
+        look_up(atlas, fma(face, near.y, fma(on.s, near.x, near.z)), fma(on.t, near.x, as_float(near.w)));
+    const Vec3 second = look_up(atlas, fma(face, far.y, fma(on.s, far.x, far.z)), fma(on.t, far.x, as_float(far.w)));
     return first + part * (second - first);
 }
 #endif

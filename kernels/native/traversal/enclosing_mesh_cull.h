@@ -8,8 +8,8 @@
 
 namespace warpcam {
 
-constexpr int HOUSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
-constexpr int HOUSING_STACK = 16;  // nodes that wait
+constexpr int ENCLOSING_NODES = 32;  // a mesh counts as seen after so many nodes without an answer
+constexpr int ENCLOSING_STACK = 16;  // nodes that wait
 
 WARPCAM_DEVICE float length_bound(Vec3 v) { return abs(v.x) + abs(v.y) + abs(v.z); }
 
@@ -104,13 +104,14 @@ template <class Types, class Meshes>
 WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Meshes& meshes, const TileRays& part)
 {
     const Float3Int o = record.origin;
-    const auto least = wp::index(meshes.lower, record.axis_z.w), most = wp::index(meshes.upper, record.axis_z.w);
+    const auto least = wp::index(meshes.bounds_min, record.axis_z.w),
+               most = wp::index(meshes.bounds_max, record.axis_z.w);
     if (o.x < least[0] || o.y < least[1] || o.z < least[2] || o.x > most[0] || o.y > most[1] || o.z > most[2])
         return true;
     const CornerRays rays(record, part);
     const unsigned nodes = as_int(record.size.y), faces = as_int(record.size.z);
-    int stack[HOUSING_STACK], height = 0, node = 0;
-    for (int visited = 0; visited < HOUSING_NODES; ++visited) {
+    int stack[ENCLOSING_STACK], height = 0, node = 0;
+    for (int visited = 0; visited < ENCLOSING_NODES; ++visited) {
 #pragma unroll 1
         for (int k = 0; k < 4; ++k) {
             Vec3 low, high;
@@ -118,7 +119,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
             if (child == 0 || !may_meet_box(record, low, high, part))  // the root is nobody's child
                 continue;
             if (child > 0) {
-                if (height == HOUSING_STACK)
+                if (height == ENCLOSING_STACK)
                     return true;
                 stack[height++] = child;
                 continue;
@@ -143,7 +144,7 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
 
 // Removes such meshes from all tiles of the region.
 template <class Types, class List, class Meshes>
-WARPCAM_DEVICE void leave_out_housings(List& list, const Meshes& meshes, const TileRays& region, int thread)
+WARPCAM_DEVICE void cull_enclosing_meshes(List& list, const Meshes& meshes, const TileRays& region, int thread)
 {
     for (int slot = thread; slot < list.count; slot += THREADS)  // as sort_by_depth() goes on from here
         if (is_mesh<Types>(list.records[slot]) && !may_be_seen_from_inside<Types>(list.records[slot], meshes, region))

@@ -51,7 +51,7 @@ struct InfinitePlane {
         if (!__all_sync(FULL_WARP, meets))
             return false;
         for (int k = 0; k < TILES_PER_WARP; ++k)
-            hits[k] = { below * rcp(down[k]), a.w, -1 };  // as enter_plane()
+            hits[k] = { below * rcp(down[k]), a.w, -1 };  // as PlaneTraits::intersect()
         return true;
     }
 };

@@ -75,8 +75,8 @@ WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& l
             bool may = mine;
             if (mine) {
                 const ShapeRecord& record = list.records[list.order[rank]];
-                const auto low = wp::index(meshes.lower, record.axis_z.w),
-                           high = wp::index(meshes.upper, record.axis_z.w);
+                const auto low = wp::index(meshes.bounds_min, record.axis_z.w),
+                           high = wp::index(meshes.bounds_max, record.axis_z.w);
                 may = may_meet_box(record, { low[0], low[1], low[2] }, { high[0], high[1], high[2] }, tile);
             }
             mask = __ballot_sync(FULL_WARP, may);

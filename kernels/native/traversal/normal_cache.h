@@ -10,7 +10,8 @@ template <> struct NormalCache<0> {};
 #if defined(__CUDA_ARCH__)
 constexpr float NORMAL_VARIES = 2.0f;
 
-// By slot, the first of nothing. Normal in the world; x: NORMAL_VARIES where it differs from place to place; w: shape id.
+// By slot, the first of nothing. Normal in the world; x: NORMAL_VARIES where it differs from place to place; w: shape
+// id.
 template <int HITS_NAME_SLOTS> struct NormalCache {
     Float3Int rows[HITS_NAME_SLOTS + 1];
     Float3Int endless[3];  // the endless floor's, as it is stored over and over: the words of three times 16 bytes

@@ -8,9 +8,17 @@ namespace warpcam {
 struct Spheres {
     Vec3x8 at;  // world frame
     Float8 radius;
-    Int8 unknown;   // how large the shape is, or a pose or size is not a number
+    Int8 unknown;   // how large the shape is, or it is broken or formless: see Visible
     unsigned there;  // a bit each: the last may be fewer than eight
 };
+
+// Radii of balls that hold shapes, MISS of those that have none.
+template <class... Shapes> inline Float8 bounding_radii(Int8 type, const Vec3x8& size, ShapeTable<Shapes...>)
+{
+    Float8 radius = MISS;
+    ((radius = type == int(Shapes::TYPE) ? Shapes::bounding_radius(size.x, size.y, size.z) : radius), ...);
+    return radius;
+}
 
 // Loads the bounding spheres of the drawn shapes from `first` on.
 template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int world, int first)
@@ -32,13 +40,9 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
         turns[k] = sum;
     }
     const Float8 none = 0.0f;
-    const auto is = [&](int one) { return type == one; };
-    const Int8 ball = is(SPHERE), pill = is(CAPSULE), tube = is(CYLINDER) | is(CONE), solid = is(ELLIPSOID) | is(BOX);
-    const Float8 across = size.x + (pill ? size.y : none);
-    const Float8 length = tube | solid ? size.y : none, depth = solid ? size.z : none;
-    s.radius = sqrt(across * across + length * length + depth * depth);
-    const Int8 known = abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z) < MISS;
-    s.unknown = ~(known & (ball | pill | tube | solid));
+    s.radius = bounding_radii(type, size, AnalyticShapes());
+    s.unknown = ~((abs(s.at.x + s.at.y + s.at.z + turns + size.x + size.y + size.z + s.radius) < MISS) & (turns != none)
+                  & ((size.x > none) | (size.y > none) | (size.z > none)));
     s.there = (1u << count) - 1;
     return s;
 }

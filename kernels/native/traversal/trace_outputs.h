@@ -30,8 +30,8 @@ enum Output {
 // besides the rays is then paid once. Small regions have too few of them. kernels/plan/trace.py has the same.
 template <class Types> constexpr int tiles_at_once(int width, int height)
 {
-    const bool quick = !Types::has_any(MESH, HEIGHT_FIELD);
-    return quick && width * height >= 32 * 32 ? 2 : 1;
+    const bool is_analytic = !Types::has_any(MESH, HEIGHT_FIELD);
+    return is_analytic && width * height >= 32 * 32 ? 2 : 1;
 }
 
 // Number of blocks that share an image whose shapes have been listed. For 64x64 pixels: a launch that stores much ends
@@ -42,8 +42,8 @@ constexpr int parts_of(int outputs, int width, int height)
 {
     constexpr int PIXELS = 64 * 64, STACK = 2 * TILE_HEIGHT;
     const int more = outputs & (DISTANCE | BODIES | INSTANCES | SEMANTICS) && width * height <= PIXELS ? 2 : 1;
-    const int threes = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
-    const int wanted = outputs & FLOW_VALID ? 1 : threes ? 4 * threes : outputs & FLOW ? 2 : more;
+    const int vectors = (outputs & POINTS ? 1 : 0) + (outputs & NORMAL ? 1 : 0);
+    const int wanted = outputs & FLOW_VALID ? 1 : vectors ? 4 * vectors : outputs & FLOW ? 2 : more;
     const int most = min(width * height / THREADS, height / TILE_HEIGHT), rows = PIXELS / (STACK * wanted * width);
     if (width * height <= PIXELS)
         return wanted < most ? wanted : most;
@@ -129,7 +129,7 @@ struct Places {
     using type = VisibilityHistory<OUTPUTS, WHOLE ? WIDTH : 0, WHOLE ? HEIGHT : 0, SHAPES, NEAR, FLOORED>;
 };
 template <bool WHOLE_> struct NoPlaces {
-    static constexpr bool WHOLE = WHOLE_, PAINTS = false, LOOKS_AT_FLOORS = false;
+    static constexpr bool WHOLE = WHOLE_, WRITES_ALBEDO = false, LOOKS_AT_FLOORS = false;
 };
 template <int OUTPUTS, int WIDTH, int HEIGHT, int SHAPES, bool FLOORED>
 struct Places<OUTPUTS, WIDTH, HEIGHT, SHAPES, FLOORED, false> {

@@ -138,7 +138,7 @@ struct TraceTarget {
                     facings.template note<Types>(slot, list.records[slot], list.ids[slot], camera);
         }
 #endif
-        if constexpr (Places_::PAINTS)
+        if constexpr (Places_::WRITES_ALBEDO)
             places.face(list, thread, threads);
     }
 
@@ -166,7 +166,7 @@ struct TraceTarget {
                 places.expect(target.history, i, j);
         Hit hit { inside(i, j) ? camera.far : -1.0f, -1, -1 };
         if constexpr (has_table(LENS))
-            if (is_blind(ray(i, j)))
+            if (sees_nothing(ray(i, j)))
                 hit.depth = -1.0f;
         if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
             hit.depth = next_float(target.depth.data[at(i, j)]);
@@ -229,7 +229,7 @@ struct TraceTarget {
     {
         if constexpr (!names_slots(OUTPUTS))
             return hit.shape;
-        else if constexpr (Places_::PAINTS)
+        else if constexpr (Places_::WRITES_ALBEDO)
             return places.slots[hit.shape + 1].id;
         else
 #if defined(__CUDA_ARCH__)
@@ -313,12 +313,12 @@ struct TraceTarget {
                 whole = true;
                 put_whole(i, j, rays, hits, row_of_lanes);
             }
-        if constexpr (Places_::PAINTS) {  // there is one pass, and all tiles lie in the image
+        if constexpr (Places_::WRITES_ALBEDO) {  // there is one pass, and all tiles lie in the image
             const auto slots = places.slots_of(hits);
             if (!whole)
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     put_named<OUTPUTS>(i, j, hits[k], slots.at[k].id, k);
-            places.paint(*this, i, j, rays, hits, slots);
+            places.write_albedo(*this, i, j, rays, hits, slots);
         } else if (!whole) {
             for (int k = 0; k < TILES_PER_WARP; ++k)
                 write_hit(i, j, hits[k], first_pass, k);
@@ -336,10 +336,10 @@ struct TraceTarget {
             if (inside(i, j + k * TILE_HEIGHT))
                 put<OUTPUTS & ~VECTOR_OUTPUTS>(i, j, hits[k], k);
         if constexpr ((VECTOR_OUTPUTS & NORMAL) != 0)
-            store_threes(*this, target.normals.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.normals.data, i, j, values, row_of_lanes);
         if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
             find_points<true>(camera, rays, hits, values);
-            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.points.data, i, j, values, row_of_lanes);
         }
     }
 
@@ -400,10 +400,10 @@ struct TraceTarget {
         if constexpr ((VECTOR_OUTPUTS & POINTS) != 0) {
             Vec3 values[TILES_PER_WARP];
             find_points<false>(camera, rays, hits, values);
-            store_threes(*this, target.points.data, i, j, values, row_of_lanes);
+            store_vectors(*this, target.points.data, i, j, values, row_of_lanes);
         }
-        if constexpr (Places_::PAINTS)
-            places.paint_bare(*this, i, j, rays, hits);
+        if constexpr (Places_::WRITES_ALBEDO)
+            places.write_plane_albedo(*this, i, j, rays, hits);
     }
 #endif
 };

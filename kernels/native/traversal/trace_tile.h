@@ -35,7 +35,7 @@ template <class Meshes>
 WARPCAM_DEVICE bool meets_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray& ray, float near, float depth)
 {
     const Slabs s = slabs(ray.origin, ray.direction, record.size.x);
-    const auto lo = wp::index(meshes.lower, record.axis_z.w), hi = wp::index(meshes.upper, record.axis_z.w);
+    const auto lo = wp::index(meshes.bounds_min, record.axis_z.w), hi = wp::index(meshes.bounds_max, record.axis_z.w);
     const float x0 = lo[0] * s.scale.x + s.down.x, x1 = hi[0] * s.scale.x + s.up.x;
     const float y0 = lo[1] * s.scale.y + s.down.y, y1 = hi[1] * s.scale.y + s.up.y;
     const float z0 = lo[2] * s.scale.z + s.down.z, z1 = hi[2] * s.scale.z + s.up.z;
@@ -108,8 +108,7 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     local[k] = rays[k].local(record);
                 float t[TILES_PER_WARP];
-                intersect_known<Types::ANALYTIC, TILES_PER_WARP, PLANE, SPHERE, ELLIPSOID, CAPSULE, CYLINDER, BOX, CONE,
-                                BARREL>(record, local, t);
+                intersect_known<Types::ANALYTIC>(record, local, t);
                 for (int k = 0; k < TILES_PER_WARP; ++k)
                     if (t[k] < hits[k].depth && t[k] > near_of(rays[k], near)) {
                         hits[k].depth = t[k];
@@ -187,17 +186,17 @@ template <int LENS> struct RayLanes {
     }
 };
 
-// Spread ones are read first, or what follows would not become vector code.
+// Offset rays are read first, or what follows would not become vector code.
 template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     float start[3][WARP_SIZE], direction[3][WARP_SIZE];
 
     explicit RayLanes(const Rays& rays)
     {
         for (int lane = 0; lane < WARP_SIZE; ++lane) {
-            const OffsetRay beam = CameraRay<RAY_TABLE_WITH_ORIGINS> { rays.x[lane], rays.y[lane] }.beam();
+            const OffsetRay offset_ray = CameraRay<RAY_TABLE_WITH_ORIGINS> { rays.x[lane], rays.y[lane] }.offset_ray();
             for (int axis = 0; axis < 3; ++axis) {
-                start[axis][lane] = component(beam.start, axis);
-                direction[axis][lane] = component(beam.direction, axis);
+                start[axis][lane] = component(offset_ray.start, axis);
+                direction[axis][lane] = component(offset_ray.direction, axis);
             }
         }
     }
@@ -210,13 +209,14 @@ template <> struct RayLanes<RAY_TABLE_WITH_ORIGINS> {
     }
 };
 
-template <int TYPE, int LENS, class Near>
-inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
+template <int LENS, class Shape, class Near>
+inline void trace_shape(Shape shape, const ShapeRecord& record, const Near& near, Rays& rays)
 {
     const ShapeRecord r = record;
     const RayLanes<LENS> lanes { rays };
     for (int lane = 0; lane < WARP_SIZE; ++lane) {
-        const float t = enter<TYPE>(r, lanes.local(r, lane));
+        const Ray ray = lanes.local(r, lane);
+        const float t = shape.intersect(r.size, ray.origin, ray.direction);
         const bool closer = (t < rays.depth[lane]) & (t > near.at(lane));
         rays.depth[lane] = closer ? t : rays.depth[lane];
         rays.shape[lane] = closer ? r.axis_y.w : rays.shape[lane];
@@ -227,26 +227,11 @@ inline void trace_shape(const ShapeRecord& record, const Near& near, Rays& rays)
 template <class Types, int LENS, class Near, class HeightFields>
 inline void trace_record(const ShapeRecord& record, const Near& near, const HeightFields& fields, Rays& rays)
 {
-    switch (record.axis_x.w) {
-#define WARPCAM_CASE(TYPE)                                                                                             \
-    case TYPE:                                                                                                         \
-        if (Types::has(TYPE))                                                                                          \
-            trace_shape<TYPE, LENS>(record, near, rays);                                                               \
-        break;
-        WARPCAM_CASE(PLANE)
-        WARPCAM_CASE(SPHERE)
-        WARPCAM_CASE(CAPSULE)
-        WARPCAM_CASE(ELLIPSOID)
-        WARPCAM_CASE(CYLINDER)
-        WARPCAM_CASE(BOX)
-        WARPCAM_CASE(CONE)
-        WARPCAM_CASE(BARREL)
-#undef WARPCAM_CASE
-    case HEIGHT_FIELD:
-        if (Types::has(HEIGHT_FIELD))
-            trace_height_field<LENS>(fields, record, near, rays);
-        break;
-    }
+    if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD)
+        trace_height_field<LENS>(fields, record, near, rays);
+    else
+        visit_shape<Types::ANALYTIC>(record.axis_x.w,
+                                     [&](auto shape) { trace_shape<LENS>(shape, record, near, rays); });
 }
 
 template <class Types, int LENS, int CAPACITY, class Near, class Meshes, class HeightFields>

@@ -102,9 +102,9 @@ WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int 
     }
 }
 
-// Lists the shapes of some worlds, at most WARP_SIZE, by a block that has a thread for each of their shapes: that of one of
-// these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is known of
-// the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
+// Lists the shapes of some worlds, at most WARP_SIZE, by a block that has a thread for each of their shapes: that of
+// one of these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is
+// known of the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
 template <class Types, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
           class HeightFields, class History, class Lists, class Faults>
 WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
@@ -170,6 +170,8 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
             found = find_form<Types>(made, meshes, fields, form, record);
         if (found == BROKEN)
             broken[at] = 1;
+        if (found == FORMLESS && listed)
+            faults.data[world] = 1;
         if (found == SEEN && listed
             && place<Types, LENS, true, 4>(made, form, camera, { 0, 0, width, height }, record, tiles) == SEEN) {
             key = record.size.w & 0x7fffffff;

@@ -11,9 +11,9 @@
 
 namespace warpcam {
 
-// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records name their
-// own slots in place of their shapes, and in place of an asset where these stand among the drawn ones. hidden(id): the
-// shape is left out.
+// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records
+// name their own slots in place of their shapes, and in place of an asset where these stand among the drawn ones.
+// hidden(id, formless): the shape is left out; a formless one always is, and is a fault of a world that would draw it.
 template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
           class Hidden>
 WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
@@ -27,7 +27,7 @@ WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shape
         setup_shape<Types, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
     if (seen == BROKEN)
         list.broken = 1;
-    if (seen == SEEN && !hidden(id)) {
+    if ((seen == SEEN || seen == FORMLESS) && !hidden(id, seen == FORMLESS)) {
         const int slot = atomic_append(list.count);
         if (HITS_NAME_SLOTS) {
             record.axis_y.w = slot;
@@ -88,36 +88,37 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
 #if defined(__CUDA_ARCH__)
 
 // Draws the tiles of a region against the list, a warp TILES_PER_WARP of them at once, one below the other.
-template <class Types, int LENS, class List, class Canvas_, class Meshes, class HeightFields>
-WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& meshes, const HeightFields& fields,
-                               bool first_pass)
+template <class Types, int LENS, class List, class TraceTarget_, class Meshes, class HeightFields>
+WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, const Meshes& meshes,
+                               const HeightFields& fields, bool first_pass)
 {
-    constexpr int TILES_PER_WARP = Canvas_::TILES_PER_WARP;
-    constexpr bool HAS_MESH = Types::has(MESH), HAS_THREES = Canvas_::VECTOR_OUTPUTS != 0;
+    constexpr int TILES_PER_WARP = TraceTarget_::TILES_PER_WARP;
+    constexpr bool HAS_MESH = Types::has(MESH), HAS_VECTORS = TraceTarget_::VECTOR_OUTPUTS != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::SIZE : 1>::type rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
-    WARPCAM_SHARED float4 lanes[HAS_THREES ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
+    WARPCAM_SHARED float4 lanes[HAS_VECTORS ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
     int lane = threadIdx.x % WARP_SIZE;
     const int warp = threadIdx.x / WARP_SIZE;
     asm("" : "+r"(lane));  // a register for that, none for the thread's number
-    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_THREES ? warp : 0]);
-    const Region region = canvas.region;
-    const float near = canvas.camera.near;
+    float* row_of_lanes = reinterpret_cast<float*>(lanes[HAS_VECTORS ? warp : 0]);
+    const Region region = trace_target.region;
+    const float near = trace_target.camera.near;
     constexpr int TILE_COLUMNS_PER_WARP =
-        Canvas_::TILE_COLUMNS_PER_WARP;  // stacks beside each other that are looked at together
+        TraceTarget_::TILE_COLUMNS_PER_WARP;  // stacks beside each other that are looked at together
     const int across = region.width / (TILE_COLUMNS_PER_WARP * TILE_WIDTH),
               levels = (region.height / TILE_HEIGHT + TILES_PER_WARP - 1) / TILES_PER_WARP;
     // A part has so many levels of units, the last one perhaps fewer.
-    const int of_part = across * ((levels + canvas.parts - 1) / canvas.parts), begin = canvas.part * of_part;
-    const int units = canvas.parts == 1 ? of_part : min(begin + of_part, across * levels);
+    const int of_part = across * ((levels + trace_target.parts - 1) / trace_target.parts),
+              begin = trace_target.part * of_part;
+    const int units = trace_target.parts == 1 ? of_part : min(begin + of_part, across * levels);
     const unsigned per_level = unsigned(65536.0f * rcp(float(across))) + 1u;  // of 65536; exact below 8192 units
     // Gives each warp tiles of its own where tiles take about as long as each other: one of four, and of the next four
     // the next. Not where much is stored: warps drift apart then, and memory receives partial lines.
     constexpr int WARPS = THREADS / WARP_SIZE;
-    constexpr bool OWN = TILES_PER_WARP > 1 && !Canvas_::STORES_MUCH;
+    constexpr bool OWN = TILES_PER_WARP > 1 && !TraceTarget_::STORES_MUCH;
     int own = warp;
-    bool alone = Canvas_::APART && warp != WARPS - 1;  // the motions are not there yet
+    bool alone = TraceTarget_::APART && warp != WARPS - 1;  // the motions are not there yet
     const auto trace_meshes = [&] {
-        if constexpr (Canvas_::APART)
+        if constexpr (TraceTarget_::APART)
             if (alone)
                 named_barrier_sync<MOTIONS_THERE, THREADS>();
         alone = false;
@@ -125,26 +126,26 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
     const auto draw_stack = [&](int column, int row, int& found) {
         const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
         const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
-        decltype(canvas.ray(i, j)) ray[TILES_PER_WARP];
+        decltype(trace_target.ray(i, j)) ray[TILES_PER_WARP];
         Hit hit[TILES_PER_WARP];
         for (int k = 0; k < TILES_PER_WARP; ++k) {
-            ray[k] = canvas.ray(i, j + k * TILE_HEIGHT);
-            hit[k] = canvas.start(i, j + k * TILE_HEIGHT, first_pass);
+            ray[k] = trace_target.ray(i, j + k * TILE_HEIGHT);
+            hit[k] = trace_target.start(i, j + k * TILE_HEIGHT, first_pass);
         }
         const unsigned steps = PackedTileRect::steps(column, row, 1, TILES_PER_WARP);
         unsigned mask = touching<Types>(list, 0, steps);
-        if constexpr (Canvas_::BARE_FLOORS)
+        if constexpr (TraceTarget_::BARE_FLOORS)
             if (first_pass && (mask & list.floor.bit) && list.floor.test(ray, hit)) {
                 mask ^= list.floor.bit;
-                if (Canvas_::PUTS_BARE && mask == 0u && !touching_more<Types>(list, steps)) {
-                    canvas.write_plane_tile(i, j, ray, hit, row_of_lanes);
+                if (TraceTarget_::PUTS_BARE && mask == 0u && !touching_more<Types>(list, steps)) {
+                    trace_target.write_plane_tile(i, j, ray, hit, row_of_lanes);
                     return;
                 }
             }
         trace_tiles<Types>(list, steps, mask, ray, near, fields, hit);
         trace_meshes();
-        if (!canvas.write_seen_plane(i, j, hit, lane))
-            canvas.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
+        if (!trace_target.write_seen_plane(i, j, hit, lane))
+            trace_target.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
             found = find_rays<Types>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
                                      meshes, hit[0].depth);
@@ -154,14 +155,14 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         own = (((own + 1) & (WARPS - 1)) | (own & ~(WARPS - 1))) + WARPS;
         if (unit >= units)
             return false;
-        const int level = Canvas_::WHOLE ? unsigned(unit) / unsigned(across) : unsigned(unit) * per_level >> 16;
+        const int level = TraceTarget_::WHOLE ? unsigned(unit) / unsigned(across) : unsigned(unit) * per_level >> 16;
         const int column = TILE_COLUMNS_PER_WARP * (unit - level * across), row = TILES_PER_WARP * level;
         if constexpr (TILE_COLUMNS_PER_WARP > 1) {
             const unsigned bare = list.floor.bit;
             if (bare != 0u
                 && touching<Types>(list, 0, PackedTileRect::steps(column, row, TILE_COLUMNS_PER_WARP, TILES_PER_WARP))
                        == bare
-                && canvas.write_plane_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
+                && trace_target.write_plane_rows(column * TILE_WIDTH, row * TILE_HEIGHT, lane))
                 return true;
         }
 #pragma unroll 1
@@ -170,9 +171,11 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
         return true;
     };
     if constexpr (HAS_MESH) {
-        const auto ray_of = [&](int pixel) { return canvas.ray(region.left + pixel % 64, region.top + pixel / 64); };
+        const auto ray_of = [&](int pixel) {
+            return trace_target.ray(region.left + pixel % 64, region.top + pixel / 64);
+        };
         const auto store = [&](int pixel, const Hit& hit) {
-            canvas.write_hit(region.left + pixel % 64, region.top + pixel / 64, hit, false);
+            trace_target.write_hit(region.left + pixel % 64, region.top + pixel / 64, hit, false);
         };
         trace_rays<Types>(rays[HAS_MESH ? warp : 0], list, meshes, near, next_tile, ray_of, store);
     } else {
@@ -185,60 +188,60 @@ WARPCAM_DEVICE void draw_tiles(List& list, const Canvas_& canvas, const Meshes& 
 
 // Draws a region of few shapes, whose motions the last warp composes meanwhile: the first warp lists and sorts shapes,
 // the others start to draw when it has, and wait for the motions before they write the first flow.
-template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Canvas_, class Shapes, class Meshes,
+template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class TraceTarget_, class Shapes, class Meshes,
           class HeightFields, class Hidden>
-WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
+WARPCAM_DEVICE void draw_apart(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Shapes& shapes,
                                const Meshes& meshes, const HeightFields& fields, const Hidden& hidden, int world,
-                               int thread, bool blind)
+                               int thread, bool not_drawn)
 {
     static_assert(CAPACITY <= WARP_SIZE && !Types::has(MESH));
     if (thread >= THREADS - WARP_SIZE) {
-        canvas.begin(thread);
-        canvas.ready();
+        trace_target.begin(thread);
+        trace_target.ready();
         named_barrier_arrive<MOTIONS_THERE, THREADS>();
-        canvas.follow_floor(canvas.camera);
+        trace_target.follow_floor(trace_target.camera);
         named_barrier_sync<SHAPES_SORTED, THREADS>();
-        canvas.template look_at_floor<WARP_SIZE>(thread % WARP_SIZE);
+        trace_target.template look_at_floor<WARP_SIZE>(thread % WARP_SIZE);
     } else {
         if (thread < WARP_SIZE) {
-            if (!blind)
-                build_shape_list<Types, LENS, HITS_NAME_SLOTS, true>(list, 0, shapes, meshes, fields, hidden,
-                                                                     canvas.camera, canvas.region, world, thread);
+            if (!not_drawn)
+                build_shape_list<Types, LENS, HITS_NAME_SLOTS, true>(
+                    list, 0, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
             if (thread == 0 && list.broken) {  // nothing of this world can be trusted
                 list.count = 0;
-                canvas.target.faults.data[world] = 1;
+                trace_target.target.faults.data[world] = 1;
             }
             warp_sync();
-            sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
-            canvas.face(thread, WARP_SIZE);
+            sort_by_depth(list, thread, [&](int slot, int rank) { trace_target.note(list, slot, rank); });
+            trace_target.face(thread, WARP_SIZE);
         } else {
-            canvas.find_floor(thread - WARP_SIZE);
+            trace_target.find_floor(thread - WARP_SIZE);
         }
-        canvas.ready();
+        trace_target.ready();
         named_barrier_sync<FIRST_WARPS, THREADS - WARP_SIZE>();
         named_barrier_arrive<SHAPES_SORTED, THREADS>();
     }
-    draw_tiles<Types, LENS>(list, canvas, meshes, fields, true);
+    draw_tiles<Types, LENS>(list, trace_target, meshes, fields, true);
 }
 
 #else
 
 // Draws the tiles of a region against the list.
-template <class Types, int LENS, int CAPACITY, class Canvas_, class Meshes, class HeightFields>
-inline void draw_tiles(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Meshes& meshes,
+template <class Types, int LENS, int CAPACITY, class TraceTarget_, class Meshes, class HeightFields>
+inline void draw_tiles(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Meshes& meshes,
                        const HeightFields& fields, bool first_pass)
 {
-    const Region region = canvas.region;
+    const Region region = trace_target.region;
     TileRow<CAPACITY> picked;
     for (int row = 0; row < region.height / TILE_HEIGHT; ++row) {
         pick_row(list, row, picked);
         for (int column = 0; column < region.width / TILE_WIDTH; ++column) {
             const int left = region.left + column * TILE_WIDTH, top = region.top + row * TILE_HEIGHT;
             Rays rays;
-            NearOf<decltype(canvas.ray(0, 0))> near { canvas.camera.near };
-            start_tile(canvas, left, top, first_pass, near, rays);
+            NearOf<decltype(trace_target.ray(0, 0))> near { trace_target.camera.near };
+            start_tile(trace_target, left, top, first_pass, near, rays);
             trace_tile<Types, LENS>(list, picked, column, near, meshes, fields, rays);
-            put_tile(canvas, left, top, first_pass, rays);
+            put_tile(trace_target, left, top, first_pass, rays);
         }
     }
 }
@@ -256,22 +259,22 @@ template <int CAPACITY> WARPCAM_DEVICE void begin_list(ShapeList<CAPACITY>& list
 #endif
 }
 
-// Draws the shapes that are not hidden into the canvas's region; the list has begun. MULTIPASS: the scene may have more
-// shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the last.
-// late(): what may wait until shapes are listed, and needs no other threads.
-template <class Types, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class Canvas_, class Shapes,
+// Draws the shapes that are not hidden into the trace target's region; the list has begun. MULTIPASS: the scene may
+// have more shapes than the list holds; then the region is drawn in several passes, each going on from the depth of the
+// last. late(): what may wait until shapes are listed, and needs no other threads.
+template <class Types, int LENS, bool HITS_NAME_SLOTS, bool MULTIPASS, int CAPACITY, class TraceTarget_, class Shapes,
           class Meshes, class HeightFields, class Hidden, class Late>
-WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas, const Shapes& shapes,
+WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& trace_target, const Shapes& shapes,
                                 const Meshes& meshes, const HeightFields& fields, const Hidden& hidden,
                                 const Late& late, int world, int thread)
 {
-    const bool blind = !(abs(canvas.camera.origin.x) < MISS);
+    const bool not_drawn = !(abs(trace_target.camera.origin.x) < MISS);
 #if defined(__CUDA_ARCH__)
-    if constexpr (Canvas_::APART)
-        return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, canvas, shapes, meshes, fields, hidden, world, thread,
-                                                        blind);
+    if constexpr (TraceTarget_::APART)
+        return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, trace_target, shapes, meshes, fields, hidden, world,
+                                                        thread, not_drawn);
 #endif
-    const int total = blind ? 0 : shapes.drawn.shape[0];
+    const int total = not_drawn ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
     do {
@@ -282,28 +285,29 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const Canvas_& canvas
             }
             block_sync();
         }
-        canvas.begin(thread);
-        if (!blind)
-            begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(list, begin, shapes, meshes, fields, hidden,
-                                                                          canvas.camera, canvas.region, world, thread);
+        trace_target.begin(thread);
+        if (!not_drawn)
+            begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(
+                list, begin, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
             block_sync();
             if (thread == 0) {
                 list.count = 0;
-                canvas.target.faults.data[world] = 1;
+                trace_target.target.faults.data[world] = 1;
             }
             begin = total;
             first = true;
             block_sync();
         }
         if constexpr (Types::has(MESH) && LENS == PINHOLE)
-            leave_out_housings<Types>(list, meshes, rays_of_region(canvas.camera, canvas.region), thread);
-        canvas.ready();
-        sort_by_depth(list, thread, [&](int slot, int rank) { canvas.note(list, slot, rank); });
-        canvas.face(thread, THREADS);
+            cull_enclosing_meshes<Types>(list, meshes, rays_of_region(trace_target.camera, trace_target.region),
+                                         thread);
+        trace_target.ready();
+        sort_by_depth(list, thread, [&](int slot, int rank) { trace_target.note(list, slot, rank); });
+        trace_target.face(thread, THREADS);
         block_sync();
         late();
-        draw_tiles<Types, LENS>(list, canvas, meshes, fields, !MULTIPASS || first);
+        draw_tiles<Types, LENS>(list, trace_target, meshes, fields, !MULTIPASS || first);
         first = false;
         block_sync();
     } while (MULTIPASS && begin < total);
@@ -315,7 +319,7 @@ template <int CAPACITY, int LINES, class Places_, class Facings_> struct TraceSh
     alignas(16) Camera camera;  // kept in registers it would be spilled
     Places_ places;
     Facings_ facings;
-    float lines[LINES];  // see Canvas
+    float lines[LINES];  // see TraceTarget
 };
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
@@ -329,9 +333,9 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     static_assert(!names_slots(OUTPUTS)
                   || (Types::ANALYTIC == Types::GEOMETRY && (Types::FEATURES & ~(1 << PLANES_FROM_BEHIND)) == 0));
     constexpr bool FLOWING = (OUTPUTS & FLOWS) != 0;
-    using Canvas_ = TraceTarget<Types, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once<Types>(WIDTH, HEIGHT), Target,
-                                Shapes, Near>;
-    using Room = TraceShared<CAPACITY, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near, typename Canvas_::Facings_>;
+    using TraceTarget_ = TraceTarget<Types, LENS, OUTPUTS, ShapeList<CAPACITY>, tiles_at_once<Types>(WIDTH, HEIGHT),
+                                     Target, Shapes, Near>;
+    using Room = TraceShared<CAPACITY, TraceTarget_::LINED ? WIDTH + HEIGHT : 1, Near, typename TraceTarget_::Facings_>;
     WARPCAM_SHARED Room shared;
     Room& room = keep_shared_address(shared);
     ShapeList<CAPACITY>& list = room.list;
@@ -361,24 +365,29 @@ WARPCAM_DEVICE void draw_with(const Shapes& shapes, const Materials& materials, 
     block_sync();
     if constexpr (FLOWING)
         places.fetch(shapes, target.history, thread);
-    if constexpr (Canvas_::LINED)
+    if constexpr (TraceTarget_::LINED)
         for (int n = thread; thread < THREADS - WARP_SIZE && n < WIDTH + HEIGHT;
              n += THREADS - WARP_SIZE)  // see draw_apart()
             room.lines[n] =
                 n < WIDTH ? image_x(camera, float(region.left + n)) : image_y(camera, float(region.top + n - WIDTH));
-    const Canvas_ canvas { target, shapes, list,         camera,     region,
-                           world,  places, room.facings, room.lines, room.lines + (Canvas_::LINED ? WIDTH : 0) };
-    const auto hidden = [&](int id) {
+    const TraceTarget_ trace_target {
+        target, shapes, list,         camera,     region,
+        world,  places, room.facings, room.lines, room.lines + (TraceTarget_::LINED ? WIDTH : 0)
+    };
+    const auto hidden = [&](int id, bool formless) {
         if constexpr ((OUTPUTS & OPAQUE) != 0)
-            return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.transparent_index, world, id);
-        else
-            return transparent(shapes, materials, world, id);
+            if (!formless)
+                return !solid<Types::has(ALPHA_TESTED)>(shapes, materials, target.transparent_index, world, id);
+        const bool unseen = transparent(shapes, materials, world, id);
+        if (formless && !unseen)
+            target.faults.data[world] = 1;
+        return unseen || formless;
     };
     const auto draw = [&](const auto& late) {
-        draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, canvas, shapes, meshes, fields, hidden, late,
-                                                                  world, thread);
+        draw_region<Types, LENS, names_slots(OUTPUTS), MULTIPASS>(list, trace_target, shapes, meshes, fields, hidden,
+                                                                  late, world, thread);
     };
-    if constexpr (Near::PAINTS) {
+    if constexpr (Near::WRITES_ALBEDO) {
         const auto scene = places.scene_of(shapes, meshes, fields, materials, target.textures);
         places.begin(scene, camera, region, target.plane, world, thread);
         draw([&] { places.load_looks(scene, camera, world, thread); });

@@ -11,7 +11,7 @@ namespace warpcam {
 template <class List, int LINES, class Places_> struct ListedRoom {
     List list;
     Places_ places;
-    alignas(8) float lines[LINES];  // see Canvas
+    alignas(8) float lines[LINES];  // see TraceTarget
 };
 
 // Draws as draw() does, a whole image by one or several blocks.
@@ -25,12 +25,13 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     using List = ViewShapeList<CAPACITY, names_slots(OUTPUTS)>;
     using Near = typename Places<OUTPUTS, WIDTH, HEIGHT, (OUTPUTS & FLOW_LISTED) ? CAPACITY : 0,
                                  looks_at_floors<Types>(LENS, OUTPUTS, CAPACITY, WIDTH, HEIGHT)>::type;
-    using Canvas_ = TraceTarget<Types, LENS, OUTPUTS, List, tiles_at_once<Types>(WIDTH, HEIGHT), Target, Shapes, Near>;
-    using Room = ListedRoom<List, Canvas_::LINED ? WIDTH + HEIGHT : 1, Near>;
+    using TraceTarget_ =
+        TraceTarget<Types, LENS, OUTPUTS, List, tiles_at_once<Types>(WIDTH, HEIGHT), Target, Shapes, Near>;
+    using Room = ListedRoom<List, TraceTarget_::LINED ? WIDTH + HEIGHT : 1, Near>;
     WARPCAM_SHARED Room shared;
     Room& room = keep_shared_address(shared);
     constexpr int PARTS = parts_of(OUTPUTS, WIDTH, HEIGHT);
-    static_assert(WIDTH % (Canvas_::TILE_COLUMNS_PER_WARP * TILE_WIDTH) == 0);
+    static_assert(WIDTH % (TraceTarget_::TILE_COLUMNS_PER_WARP * TILE_WIDTH) == 0);
     const int thread = unsigned(index) % THREADS, block = warp_uniform(unsigned(index) / THREADS);
     const int world = unsigned(block) / PARTS, part = unsigned(block) % PARTS;
     __builtin_assume(world >= 0);
@@ -39,8 +40,8 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
     if constexpr (FLOWING)
         room.places.fetch_motions(target.history, world, thread);
     const unsigned char wanted = wp::index(target.mask, world);  // all is on its way before the first is waited for
-    if constexpr (Canvas_::LINED) {
-        constexpr int STACK = Canvas_::TILES_PER_WARP * TILE_HEIGHT,
+    if constexpr (TraceTarget_::LINED) {
+        constexpr int STACK = TraceTarget_::TILES_PER_WARP * TILE_HEIGHT,
                       ROWS = (HEIGHT / STACK + PARTS - 1) / PARTS * STACK;  // of a part
         const Camera& camera = from.head().camera;
         const int top = PARTS > 1 ? part * ROWS : 0;
@@ -64,19 +65,19 @@ WARPCAM_DEVICE void draw_listed(const Shapes& shapes, const Materials&, const Me
             room.places.locate(target.history, world);  // all write the same
             room.places.fetch(shapes, target.history, thread);
         }
-    const Canvas_ canvas {
+    const TraceTarget_ trace_target {
         target, shapes,      room.list,         room.list.camera, { 0, 0, WIDTH, HEIGHT },
-        world,  room.places, room.list.facings, room.lines,       room.lines + (Canvas_::LINED ? WIDTH : 0),
+        world,  room.places, room.list.facings, room.lines,       room.lines + (TraceTarget_::LINED ? WIDTH : 0),
         part,   PARTS
     };
     if (finds)
-        canvas.find_floor(thread - WARP_SIZE);
+        trace_target.find_floor(thread - WARP_SIZE);
     else if (thread >= THREADS - WARP_SIZE)
-        canvas.follow_floor(from.head().camera);
+        trace_target.follow_floor(from.head().camera);
     await_rows();
     block_sync();
-    canvas.template look_at_floor<THREADS>(thread);
-    draw_tiles<Types, LENS>(room.list, canvas, meshes, fields, true);
+    trace_target.template look_at_floor<THREADS>(thread);
+    draw_tiles<Types, LENS>(room.list, trace_target, meshes, fields, true);
 }
 
 #endif

@@ -283,7 +283,7 @@ def test_their_number_changes_and_nothing_is_built_anew(device: wp.Device, monke
     model, data = made()
     built: list[Any] = []
     load = frame_renderer.load
-    monkeypatch.setattr(frame_renderer, "load", lambda *given: built.append(given[-1]) or load(*given))
+    monkeypatch.setattr(frame_renderer, "load", lambda *a, **k: built.append(k["decor"]) or load(*a, **k))
     pictures = []
     with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
         for count, scenes in ((0, 1), (1, 2), (8, 2), (0, 2), (3, 2), (9, 3), (16, 3), (8, 3), (17, 4), (1, 4), (0, 4)):
@@ -329,3 +329,20 @@ def test_what_is_not_drawn_is_refused(pair: Pair, name: str) -> None:
     write, message = REFUSED[name]
     with pytest.raises(wc.WarpcamError, match=message):
         picture(pair.ours, pair.data, lambda scene: write(scene) and None)
+
+
+def test_geoms_without_a_form_are_left_out(device: wp.Device, caplog: pytest.LogCaptureFixture) -> None:
+    """An arrow of length 0, a size of zeros and a rotation of zeros show nothing, and are no faults of the state."""
+
+    def formless(scene: mujoco.MjvScene) -> None:
+        connect(scene, GEOM.mjGEOM_ARROW, 0.0, (0, 0, 0.6), (0, 0, 0.6), shown=True)
+        for kind in (GEOM.mjGEOM_BOX, GEOM.mjGEOM_SPHERE, GEOM.mjGEOM_ELLIPSOID):
+            add(scene, kind, (0, 0, 0), (0, 0, 0.6), shown=True)
+            add(scene, kind, (0.2, 0.2, 0.2), (0, 0, 0.6), mat=np.zeros((3, 3)), shown=True)
+
+    model, data = made()
+    with Renderer(model, HEIGHT, WIDTH, device=device) as renderer:
+        for mode in ("", "segmentation"):
+            seen = picture(renderer, data, formless, mode)
+            assert (seen == picture(renderer, data, mode=mode)).all()
+    assert "faulty" not in caplog.text

@@ -163,7 +163,7 @@ def test_a_cloth_of_all_worlds_is_kept_once(device: wp.Device) -> None:
     part.add_shape_sphere(part.add_body(xform=pose(0.0, 0.0, 0.5)), radius=0.2)
     builder.replicate(part, 3)
     scene = wc.from_newton(*finalize(builder, device))
-    assert scene.tables().meshes.lower.shape == (1 + 3,)
+    assert scene.tables().meshes.bounds_min.shape == (1 + 3,)
     seen = scenes.look(scene, eye())
     soft = seen["segmentation"] == SOFT
     assert (soft == soft[0]).all()

@@ -230,7 +230,7 @@ def test_replicated_worlds_keep_each_mesh_once(device: wp.Device) -> None:
     builder.replicate(newton_scenes.zoo(), 5)
     model, state = finalize(builder, device)
     scene = wc.from_newton(model, state)
-    assert scene.tables().meshes.lower.shape == (2,)  # the tetrahedron is there twice, once as a hull
+    assert scene.tables().meshes.bounds_min.shape == (2,)  # the tetrahedron is there twice, once as a hull
     assert scene.tables().num_drawn == 11
     assert scene.array("shape_assets").shape[0] == 1
     images = scenes.look(scene, eye())

@@ -80,6 +80,7 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
     from pxr import Usd, UsdGeom
 
     from warpcam.sources.common.warnings import WarningCollector
+    from warpcam.sources.usd.attributes import AttributeReader
     from warpcam.sources.usd.light import read_light
 
     for prim in stage.Traverse():
@@ -88,7 +89,19 @@ def distant_light(stage: Any) -> tuple[wc.Light, ...]:
         if UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
             continue
         path, now = str(prim.GetPath()), Usd.TimeCode.Default()
-        lamp = read_light(prim, 0, path, now, 1.0, WarningCollector(path), lambda *_: None, lambda *_: None)
+        collector = WarningCollector(path)
+        lamp = read_light(
+            prim,
+            0,
+            path,
+            time=now,
+            scale=1.0,
+            attributes=AttributeReader(collector),
+            collector=collector,
+            mean_of=lambda *_: None,
+            sky_of=lambda *_: None,
+        )
+        collector.say()
         frame = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(now))
         color = EXPOSURE * np.array(lamp.strength)
         return (wc.Light(direction=-frame[2, :3], color=color, shadows=lamp.casts_shadow),)

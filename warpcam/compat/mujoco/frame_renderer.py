@@ -132,9 +132,15 @@ class FrameRenderer:
             self._room = self._room.grown(mjv_geoms)
             places = MjvGeomSlots(model, self._room)
         scene = load(
-            model, self._state, groups, self._device, style.draw, None if style.reflections else False,
-            "backs" if backs else None, places,
-        )  # fmt: skip
+            model,
+            self._state,
+            groups=groups,
+            device=self._device,
+            draw=style.draw,
+            reflections=None if style.reflections else False,
+            transparency="backs" if backs else None,
+            decor=places,
+        )
         key = known, seen.tobytes(), transparent.tobytes(), None if places is None else places.room
         made = self._scenes[key] = _CachedScene(scene, seen, transparent, places)
         _shorten(self._scenes)
@@ -166,12 +172,16 @@ class FrameRenderer:
         planes = self._planes_from_behind(view, style)
         turned = None if mjv_geoms is None else mjv_geoms.facing(view.position)
         if not solid or (not planes.size and turned is mjv_geoms):
-            return self._look(view, style, width, height, outputs, drawn, through, mjv_geoms)
+            return self._look(
+                view, style, width, height, outputs=outputs, drawn=drawn, through=through, mjv_geoms=mjv_geoms
+            )
         with self._turned(planes):
-            images = self._look(view, style, width, height, solid, drawn, False, turned)
+            images = self._look(view, style, width, height, outputs=solid, drawn=drawn, through=False, mjv_geoms=turned)
         rest = [name for name in outputs if name not in solid]
         if rest:
-            images |= self._look(view, style, width, height, rest, drawn, through, mjv_geoms)
+            images |= self._look(
+                view, style, width, height, outputs=rest, drawn=drawn, through=through, mjv_geoms=mjv_geoms
+            )
         return images
 
     def _with_sky(self, depth: np.ndarray, view: GlCamera, style: Style) -> np.ndarray:
@@ -192,13 +202,19 @@ class FrameRenderer:
         mjv_geoms: MjvGeoms | None,
     ) -> dict[str, np.ndarray]:
         """Return the images of ``look``, in which planes are seen from behind in colours alone."""
-        veiled = mjv_geoms is not None and mjv_geoms.transparent
-        if through and "depth" in outputs and (veiled or has_transparent(self._model, style.groups, style.draw)):
+        has_transparent_geoms = mjv_geoms is not None and mjv_geoms.transparent
+        if (
+            through
+            and "depth" in outputs
+            and (has_transparent_geoms or has_transparent(self._model, style.groups, style.draw))
+        ):
             more, all_drawn = (
                 [*names, "objects"] if names and "objects" not in names else names for names in (outputs, drawn)
             )
-            images = self._look(view, style, width, height, more, all_drawn, False, mjv_geoms)
-            if veiled or sees_transparent(self._model, images["objects"]):
+            images = self._look(
+                view, style, width, height, outputs=more, drawn=all_drawn, through=False, mjv_geoms=mjv_geoms
+            )
+            if has_transparent_geoms or sees_transparent(self._model, images["objects"]):
                 opaque = None if mjv_geoms is None else mjv_geoms.opaque()
                 plain = self._copy(WithoutTransparent)
                 images["depth"] = plain.look(view, style, width, height, ("depth",), mjv_geoms=opaque)["depth"]
@@ -285,11 +301,11 @@ class FrameRenderer:
 
 @dataclass(frozen=True, eq=False)
 class _CachedScene:
-    """A scene, what of sites, tendons, flexes and skins was seen, and transparent, when it was made, and its places."""
+    """A scene, which sites, tendons, flexes and skins were seen and transparent when it was made, and its places."""
 
     scene: wc.Scene
     seen: np.ndarray
-    veils: np.ndarray
+    transparent: np.ndarray
     places: MjvGeomSlots | None
 
     def suits(self, seen: np.ndarray, transparent: np.ndarray, mjv_geoms: MjvGeoms | None) -> bool:
@@ -297,7 +313,7 @@ class _CachedScene:
             holds = self.places is None and mjv_geoms is None
         else:
             holds = self.places.room.holds(mjv_geoms)
-        return holds and bool((self.seen >= seen).all() and (self.veils == transparent)[seen].all())
+        return holds and bool((self.seen >= seen).all() and (self.transparent == transparent)[seen].all())
 
     def filled(self, mjv_geoms: MjvGeoms | None) -> wc.Scene:
         if self.places is not None and mjv_geoms is not None:

@@ -40,8 +40,12 @@ def has_transparent(model: mujoco.MjModel, groups: Sequence[Sequence[int]], draw
     for kind, shown in zip(KINDS, groups, strict=True):
         plural = "flexes" if kind == "flex" else f"{kind}s"
         opacity = _opacity(model, kind)
-        veils = (opacity > 0.0) & (opacity < OPAQUE_ABOVE)
-        if plural in draw and veils.any() and np.isin(getattr(model, f"{kind}_group")[veils], list(shown)).any():
+        transparent = (opacity > 0.0) & (opacity < OPAQUE_ABOVE)
+        if (
+            plural in draw
+            and transparent.any()
+            and np.isin(getattr(model, f"{kind}_group")[transparent], list(shown)).any()
+        ):
             return True
     return False
 

@@ -84,7 +84,7 @@ class UserGeoms:
         lit = not mjv_scene.same_all(self._lights, lights)
         if not (chosen.any() or len(hidden) or lit):
             return style, None
-        reader = _Reader(self._model, geoms, lights, view, height, style, solid)
+        reader = _Reader(self._model, geoms, lights, view=view, height=height, style=style, solid=solid)
         return style, reader.read(chosen, hidden, lights if lit else None)
 
     def _numbers(self, written: np.ndarray) -> np.ndarray | None:
@@ -114,7 +114,7 @@ def drawn_alone(
     """
     geoms, lights = mjv_scene.geoms_of(scene), mjv_scene.lights_of(scene)
     bare = replace(style, groups=Style().groups, draw=(), model_transparency=False)
-    reader = _Reader(model, geoms, lights, view, height, bare, solid)
+    reader = _Reader(model, geoms, lights, view=view, height=height, style=bare, solid=solid)
     return bare, reader.read(np.ones(len(geoms), bool), np.zeros(0, np.int64), lights)
 
 
@@ -155,6 +155,7 @@ class _Reader:
                 raise WarpcamError(f"{what}, which warpcam does not draw; allowed are {allowed}")
             READERS[kind](self, np.flatnonzero(there & (geoms["type"] == kind)))
         mjv_geoms = self._joined(chosen, hidden, lights)
+        mjv_geoms = mjv_geoms.some(mjv_geoms.has_form())
         return mjv_geoms.solid() if self._solid else mjv_geoms.some(mjv_geoms.colors[:, 3] > 0.0)
 
     def add(self, of: np.ndarray, kind: int, sizes: Any, along: Any = 0.0, flip: bool = False, **more: Any) -> None:

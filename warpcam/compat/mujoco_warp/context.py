@@ -149,10 +149,10 @@ class _Bound:
                 mjm,
                 m if self._look is None else self._look.model,
                 d,
-                settings["enabled_geom_groups"],
-                settings["draw"],
-                settings["reflections"],
-                settings["transparency"],
+                groups=settings["enabled_geom_groups"],
+                draw=settings["draw"],
+                reflections=settings["reflections"],
+                transparency=settings["transparency"],
             )
         if scene.device != context.device:
             raise WarpcamError(
@@ -233,7 +233,9 @@ def load_groups(
     """The scene of ``warpcam.from_mujoco_warp``, with the geoms of ``geoms_of``."""
     others = [group for group in groups if 0 <= group < NUM_GROUPS]
     chosen = check_tristate("transparency", transparency)
-    return load(mjm, m, d, others, draw, reflections, chosen, geoms_of(mjm, groups))
+    return load(
+        mjm, m, d, groups=others, draw=draw, reflections=reflections, transparency=chosen, geoms=geoms_of(mjm, groups)
+    )
 
 
 class CameraSettings:

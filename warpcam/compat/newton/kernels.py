@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.core.color import decode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 
 wp.set_module_options(compiler_flags())
 
@@ -151,14 +152,11 @@ def write_views(
     out: SensorImages,
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    pixels = rays.shape[0] * rays.shape[1]
-    view = index // pixels
+    view, pixel = row_and_column(first + wp.tid(), rays.shape[0] * rays.shape[1])
     world = worlds[view]
     if world == PRESERVE or cameras[view] != camera:
         return
-    row = (index - view * pixels) // rays.shape[1]
-    column = index - view * pixels - row * rays.shape[1]
+    row, column = row_and_column(pixel, rays.shape[1])
     origin = rays[row, column, 0, 0]
     ray = rays[row, column, 0, 1]
     forward = wp.float32(0.0)

@@ -151,7 +151,16 @@ class RendererCache:
             images = [self._board, *[np.zeros((1, 1, 3), np.uint8)] * (self._most_finishes - 1)]
         self._renderers: dict[tuple[Any, ...], _Traced] = {}  # their images make room
         with preserve_cuda_context():
-            self.scene = load(model, model.state(), [light] * 2, (0.0, 0.0, 0.0), None, None, images, choice)
+            self.scene = load(
+                model,
+                model.state(),
+                lights=[light] * 2,
+                ambient=(0.0, 0.0, 0.0),
+                semantics=None,
+                transparency=None,
+                textures=images,
+                choice=choice,
+            )
         self._choice = choice
         self._num_finishes = self.scene.array("material_roughness").shape[1] - len(images)
         first = self.scene.array("material_texture").numpy()[0, self._num_finishes :, ROLE_COLOR]

@@ -148,7 +148,9 @@ class OffscreenContext:
         style = style_of(self.model._model, self.vopt, self.scn.flags)
         camera, through = (self.cam.type, self.cam.fixedcamid), not (depth and segmentation)
         style, mjv_geoms = self._own.drawn(view, height, style, solid=segmentation)
-        images = self._pictures.look(camera, view, style, width, height, wanted, through, mjv_geoms)
+        images = self._pictures.look(
+            camera, view, style, width, height, outputs=wanted, through=through, mjv_geoms=mjv_geoms
+        )
         image = images[wanted[0]]
         pixels = np.ascontiguousarray(image[::-1, :, ::-1] if segmentation else image[::-1])
         if not depth:

@@ -58,7 +58,10 @@ class SceneGraphSource:
         ]
         self.items = [graph.items[place] for place in kept]
         if not self.items:
-            raise WarpcamError(f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible")
+            raise WarpcamError(
+                f"{graph.source}: has nothing to draw; {len(graph.items)} shapes came, none is visible: each is "
+                "hidden, has no size, or a pose that is not finite"
+            )
         self._meshes: dict[int, int] = {}  # by identity: what has been baked is kept by its form
         meshes: list[Mesh] = []
         clouds: list[GaussianCloud] = []

@@ -56,9 +56,16 @@ class MujocoWarpSource(ModelSource):
         parts = model.read_description(mjm, d.nworld, groups, geoms)
         self.parts, extras = with_visual_geoms(parts, mjm, groups, check_kinds(draw))
         self.parts = with_layers(
-            self.parts, mjm, extras, reflections, transparency, m.geom_rgba.numpy(), m.geom_matid.numpy(),
-            m.mat_rgba.numpy(), planes_from_behind=planes_from_behind,
-        )  # fmt: skip
+            self.parts,
+            mjm,
+            extras=extras,
+            reflections=reflections,
+            transparency=transparency,
+            colors=m.geom_rgba.numpy(),
+            materials=m.geom_matid.numpy(),
+            material_colors=m.mat_rgba.numpy(),
+            planes_from_behind=planes_from_behind,
+        )
         self._tables = (
             VisualGeomArrays(extras, d.nworld, len(parts.meshes), self.device) if extras is not None else None
         )
@@ -115,4 +122,16 @@ def load(
     geoms: Collection[int] | None = None,
     planes_from_behind: bool = False,
 ) -> Scene:
-    return Scene(MujocoWarpSource(mjm, m, d, groups, draw, reflections, transparency, geoms, planes_from_behind))
+    return Scene(
+        MujocoWarpSource(
+            mjm,
+            m,
+            d,
+            groups=groups,
+            draw=draw,
+            reflections=reflections,
+            transparency=transparency,
+            geoms=geoms,
+            planes_from_behind=planes_from_behind,
+        )
+    )

@@ -192,4 +192,16 @@ def load(
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
     resolved = device_rule.resolve(device)
-    return Scene(MujocoSource(mjm, mjds, groups, resolved, draw, reflections, transparency, decor, planes_from_behind))
+    return Scene(
+        MujocoSource(
+            mjm,
+            mjds,
+            groups=groups,
+            device=resolved,
+            draw=draw,
+            reflections=reflections,
+            transparency=transparency,
+            decor=decor,
+            planes_from_behind=planes_from_behind,
+        )
+    )

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from warpcam.kernels.passes.mirrors import OPAQUE_ABOVE
-from warpcam.kernels.types import PLANE
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, PLANE
 
 LEAST = 8  # places of a kind, and of lights
 OF_ALL = ("hidden", "renamed", "lights")  # what of Decor has no rows
@@ -100,6 +100,11 @@ class MjvGeoms:
         some = self.some(self.segments >= 0)
         return replace(some, colors=np.concatenate((some.colors[:, :3], np.ones((len(some.types), 1))), axis=1))
 
+    def has_form(self) -> np.ndarray:
+        """Return (shape,) bool, False where a rotation or a size of zeros leaves nothing to see."""
+        sized = np.isin(self.types, (PLANE, MESH, HEIGHT_FIELD)) | ~(self.sizes <= 0.0).all(axis=1)
+        return sized & (self.rotations != 0.0).any(axis=(1, 2))
+
     def opaque(self) -> "MjvGeoms":
         """Return the opaque geoms."""
         return self.some(self.colors[:, 3] >= OPAQUE_ABOVE)
@@ -127,8 +132,10 @@ class MjvGeoms:
     def kinds(self) -> Mapping[MjvGeomClass, np.ndarray]:
         """The numbers of the shapes of each kind."""
         planes = self.types == PLANE
-        veiled = (self.colors[:, 3] < OPAQUE_ABOVE) | planes
-        rows = zip(self.types.tolist(), veiled.tolist(), self.casts.tolist(), self.reflectances.tolist(), strict=True)
+        transparent = (self.colors[:, 3] < OPAQUE_ABOVE) | planes
+        rows = zip(
+            self.types.tolist(), transparent.tolist(), self.casts.tolist(), self.reflectances.tolist(), strict=True
+        )
         kinds: dict[MjvGeomClass, list[int]] = {}
         for number, row in enumerate(rows):
             kinds.setdefault(MjvGeomClass(*row), []).append(number)

@@ -246,7 +246,11 @@ class NewtonSource:
                 assets = np.arange(first, first + len(part.worlds))
                 bases = np.asarray(part.bases)
                 shading, both = (part.shading, False) if isinstance(part, VisualMesh) else (None, part.backs)
-                self._trees.append(DeformingTree(meshes, assets, bases, part.faces, self.device, shading, both))
+                self._trees.append(
+                    DeformingTree(
+                        meshes, assets, bases, part.faces, device=self.device, shading=shading, two_sided=both
+                    )
+                )
                 first += len(part.worlds)
         return self._trees
 
@@ -368,4 +372,15 @@ def load(
     if not isinstance(model, newton.Model):
         raise WarpcamError(f"model must be a newton.Model, got {type(model).__name__}")
     tell_huge_meshes(model)
-    return Scene(NewtonSource(model, state, lights, ambient, semantics, transparency, textures, choice))
+    return Scene(
+        NewtonSource(
+            model,
+            state,
+            lights=lights,
+            ambient=ambient,
+            semantics=semantics,
+            transparency=transparency,
+            textures=textures,
+            choice=choice,
+        )
+    )

@@ -80,12 +80,12 @@ def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) 
             Part(
                 vertices,
                 faces,
-                normals,
-                None if mesh.uvs is None else np.asarray(mesh.uvs, np.float64),
-                color_of(look, item.color) if known else None,
-                None if look is None else _image(graph, look),
-                look,
-                front,
+                normals=normals,
+                uvs=None if mesh.uvs is None else np.asarray(mesh.uvs, np.float64),
+                rgba=color_of(look, item.color) if known else None,
+                image=None if look is None else _image(graph, look),
+                look=look,
+                front=front,
             )
         )
     if not parts:

@@ -1,27 +1,35 @@
 """Gaussian splats of a stage."""
 
-from typing import Any
-
 import numpy as np
 from pxr import Usd
 
 from warpcam.accel.gaussians import GaussianCloud
 from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE, CloudGeometry, display_colors
+from warpcam.sources.usd.attributes import AttributeReader
 
 KIND = "ParticleField3DGaussianSplat"
 HARMONICS = "radiance:sphericalHarmonicsCoefficients"
 
 
-def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudGeometry | None:
+def read_splats(prim: Usd.Prim, time: Usd.TimeCode, attributes: AttributeReader) -> CloudGeometry | None:
     """The prim's cloud; None if its arrays do not fit each other, or there are no positions."""
-    positions = _array(prim, "positions", time)
+
+    def array(name: str) -> np.ndarray | None:
+        """An attribute, or its twin of half precision."""
+        for candidate in (name, f"{name}h"):
+            value: np.ndarray | None = attributes.get(prim, candidate, time)
+            if value is not None and len(value):
+                return value
+        return None
+
+    positions = array("positions")
     if positions is None or len(positions) == 0:
         return None
     count = len(positions)
-    rotations = _or(_array(prim, "orientations", time), np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))  # x y z w
-    scales = _or(_array(prim, "scales", time), np.ones((count, 3)))
-    opacities = _or(_array(prim, "opacities", time), np.ones(count))
-    harmonics = _or(_array(prim, HARMONICS, time), np.zeros((count, 3)))
+    rotations = _or(array("orientations"), np.tile((0.0, 0.0, 0.0, 1.0), (count, 1)))  # x y z w
+    scales = _or(array("scales"), np.ones((count, 3)))
+    opacities = _or(array("opacities"), np.ones(count))
+    harmonics = _or(array(HARMONICS), np.zeros((count, 3)))
     if any(len(array) != count for array in (rotations, scales, opacities)) or len(harmonics) % count:
         return None
     spaces = [prim.GetAttribute(name).GetColorSpace() for name in (HARMONICS, f"{HARMONICS}h")]
@@ -35,16 +43,6 @@ def read_splats(prim: Usd.Prim, time: Usd.TimeCode) -> CloudGeometry | None:
         least_response=MIN_RESPONSE,
     )
     return CloudGeometry(cloud)
-
-
-def _array(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> np.ndarray | None:
-    """An attribute, or its twin of half precision."""
-    for candidate in (name, f"{name}h"):
-        attribute = prim.GetAttribute(candidate)
-        value: Any = attribute.Get(time) if attribute else None
-        if value is not None and len(value):
-            return np.asarray(value, np.float64)
-    return None
 
 
 def _or(array: np.ndarray | None, default: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from pxr import Usd
 from warpcam.kernels.types import BOX, CAPSULE, CONE, CYLINDER, PLANE, SPHERE
 from warpcam.sources.common import tessellate
 from warpcam.sources.common.geometry import Geometry, MeshGeometry, Primitive
+from warpcam.sources.usd.attributes import AttributeReader
 
 GPRIMS = ("Cube", "Sphere", "Cylinder", "Cylinder_1", "Capsule", "Capsule_1", "Cone", "Plane")
 
@@ -18,17 +19,16 @@ TURNS = {
 }
 
 
-def read_gprim(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) -> Geometry:
+def read_gprim(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None, attributes: AttributeReader) -> Geometry:
     kind, name = str(prim.GetTypeName()), str(prim.GetPath())
-    axis = prim.GetAttribute("axis").Get(time) if prim.GetAttribute("axis") else "Z"
-    turn = TURNS.get(str(axis), TURNS["Z"])
-    sizes = _sizes(prim, time)
+    turn = TURNS[attributes.get(prim, "axis", time) or "Z"]
+    sizes = _sizes(prim, time, attributes)
     if kind == "Cube":
         return Primitive(name, BOX, sizes)
     if kind == "Sphere":
         return Primitive(name, SPHERE, sizes)
     if kind == "Plane":
-        sides = prim.GetAttribute("doubleSided").Get(time) if double_sided is None else double_sided
+        sides = attributes.get(prim, "doubleSided", time) if double_sided is None else double_sided
         if not sides:
             return Primitive(name, PLANE, sizes, turn)
         if min(sizes) <= 0.0:
@@ -42,27 +42,27 @@ def read_gprim(prim: Usd.Prim, time: Usd.TimeCode, double_sided: bool | None) ->
     return Primitive(name, ROUND[kind.removesuffix("_1")], sizes, turn)
 
 
-def back_of(form: Geometry, prim: Usd.Prim, double_sided: bool | None) -> Primitive | None:
+def back_of(form: Geometry, prim: Usd.Prim, double_sided: bool | None, attributes: AttributeReader) -> Primitive | None:
     """The other side of an endless plane that has two; all else has its back in itself."""
-    sides = prim.GetAttribute("doubleSided").Get() if double_sided is None else double_sided
-    if not (isinstance(form, Primitive) and form.type == PLANE and sides):
+    if not (isinstance(form, Primitive) and form.type == PLANE):
+        return None
+    if not (attributes.get(prim, "doubleSided") if double_sided is None else double_sided):
         return None
     return Primitive(form.name, PLANE, tuple(form.size), form.turn @ np.diag((1.0, -1.0, -1.0)))
 
 
-def update_gprim(form: Geometry, prim: Usd.Prim, time: Usd.TimeCode) -> None:
+def update_gprim(form: Geometry, prim: Usd.Prim, time: Usd.TimeCode, attributes: AttributeReader) -> None:
     """Give a solid the sizes of another time; those that are meshes keep theirs."""
-    sizes = _sizes(prim, time)
+    sizes = _sizes(prim, time, attributes)
     if isinstance(form, Primitive) and len(sizes) < 4:
         form.size = np.array((*sizes, 0.0, 0.0, 0.0)[:3], np.float64)
 
 
-def _sizes(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, ...]:
+def _sizes(prim: Usd.Prim, time: Usd.TimeCode, attributes: AttributeReader) -> tuple[float, ...]:
     """Return the sizes as ``kernels/types.py`` defines them; three for solids of two different radii."""
 
     def value(name: str) -> float:
-        got = prim.GetAttribute(name).Get(time)
-        return max(float(got), 0.0) if got is not None and np.isfinite(got) else 0.0
+        return attributes.number(prim, name, time)
 
     kind = str(prim.GetTypeName())
     if kind == "Cube":
@@ -70,7 +70,7 @@ def _sizes(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[float, ...]:
     if kind == "Sphere":
         return (value("radius"),)
     if kind == "Plane":
-        axis = str(prim.GetAttribute("axis").Get(time))
+        axis = attributes.get(prim, "axis", time)
         # Width lies along x and length along y of a plane about z; of one about x or y see UsdGeomPlane.
         width, length = 0.5 * value("width"), 0.5 * value("length")
         return (length, width) if axis == "X" else (length, width) if axis == "Y" else (width, length)

@@ -5,31 +5,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from pxr import Ar, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
-from warpcam.core.color import linear_to_srgb
 from warpcam.sources.common import materials
-from warpcam.sources.common.images import (
-    ENCODED,
-    LINEAR,
-    TRANSFER,
-    UnreadableError,
-    cube_of_panorama,
-    decoded,
-    map_of_normals,
-    packed,
-    wrapped,
-)
+from warpcam.sources.common.images import packed
 from warpcam.sources.common.opacity import opacity_of
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.attributes import FIRST, AttributeReader
+from warpcam.sources.usd.inputs import InputReader
 from warpcam.sources.usd.omnipbr import OmniInputs
 from warpcam.sources.usd.shader import OMNI, PREVIEW, color_or, number_or, surface_of, value_of
-from warpcam.sources.usd.texture import TextureInput, alike, count_of, file_bytes, identity, is_numbers
-from warpcam.textures.pack import TextureImage
+from warpcam.sources.usd.texture import CHANNELS, TextureInput, alike, identity
+from warpcam.sources.usd.texture_images import TextureImages
 
-CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 COMPONENTS = {"color": 3, "emission": 3, "normal": 3}  # of inputs; of others 1
+BINDING = str(UsdShade.Tokens.materialBinding)
 PACKED = ("occlusion", "roughness", "metallic")  # in the order of their channels
 
 
@@ -55,22 +46,17 @@ class BoundMaterial:
 class MaterialReader:
     """Reads each material once, and keeps what they show in a graph."""
 
-    def __init__(self, graph: SceneGraph, collector: WarningCollector):
-        self._graph, self._collector = graph, collector
+    def __init__(self, graph: SceneGraph, attributes: AttributeReader, collector: WarningCollector):
+        self._graph, self._attributes, self._collector = graph, attributes, collector
+        self._inputs = InputReader(attributes, collector)
+        self.images = TextureImages(graph, collector)
         self._bound: dict[Sdf.Path, BoundMaterial] = {}
-        self._pixels: dict[str, np.ndarray | None] = {}
-        self._textures: dict[tuple[Any, ...], int] = {}
-        self._wrapped: dict[tuple[Any, ...], tuple[int, np.ndarray, np.ndarray]] = {}
-        self._packed: dict[tuple[Any, ...], int] = {}
-        self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
+        self._maps: dict[tuple[Any, ...], int] = {}
         self.inherited: dict[str, np.ndarray] = {}  # of the point instance that is read: displayColor, displayOpacity
 
     def bound_to(self, prim: Usd.Prim) -> BoundMaterial:
         """The material of a prim or a subset of one."""
-        api = UsdShade.MaterialBindingAPI(prim)
-        material = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]
-        if not material:
-            material = api.ComputeBoundMaterial(UsdShade.Tokens.full)[0]
+        material = self._bound_material(prim)
         if not material:
             return BoundMaterial()
         prim = material.GetPrim()
@@ -78,6 +64,27 @@ class MaterialReader:
         if path not in self._bound:
             self._bound[path] = self._read(material)
         return self._bound[path]
+
+    def _bound_material(self, prim: Usd.Prim) -> UsdShade.Material | None:
+        api = UsdShade.MaterialBindingAPI(prim)
+        try:
+            for purpose in (UsdShade.Tokens.preview, UsdShade.Tokens.full):
+                material = api.ComputeBoundMaterial(purpose)[0]
+                if material:
+                    return material
+        except Tf.ErrorException:
+            self._collector.warn(
+                f"has {BINDING} that is no relationship, and shows display colours", str(prim.GetPath())
+            )
+            return None
+        while prim and not prim.IsPseudoRoot():
+            targets = self._attributes.targets(prim, BINDING)
+            if targets:
+                target = f"{targets[0]}, which is no material" if len(targets) == 1 else "several prims"
+                self._collector.warn(f"has {BINDING} to {target}, and shows display colours", str(prim.GetPath()))
+                return None
+            prim = prim.GetParent()
+        return None
 
     def of_solid(self, prim: Usd.Prim, time: Usd.TimeCode) -> tuple[tuple[float, float, float, float] | None, int]:
         """Colour and look of a shape of one colour."""
@@ -105,83 +112,27 @@ class MaterialReader:
         found = []
         for name, default in (("displayColor", materials.BARE), ("displayOpacity", (1.0,))):
             primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
-            values = primvar.Get(time) if primvar and primvar.HasValue() else self.inherited.get(name)
+            values = self.inherited.get(name)
+            if primvar and primvar.HasValue():
+                values = self._attributes.primvar(primvar, time, len(default), indexed=False)
             if primvar and primvar.ValueMightBeTimeVarying():
                 self._collector.warn(
                     f"has {name} that changes with time, and keeps what it has at first", str(prim.GetPath())
                 )
-            values = (
-                np.asarray(values, np.float64).reshape(-1, len(default)) if values is not None else np.zeros((0, 1))
-            )
-            found += [float(x) for x in (values.mean(axis=0) if len(values) else default)]
+            if values is not None and not np.isfinite(values).all():
+                self._collector.warn(f"has {name} that is not finite, which is left out", str(prim.GetPath()))
+                values = None
+            found += [float(x) for x in (default if values is None else values.reshape(-1, len(default)).mean(axis=0))]
         return found[0], found[1], found[2], found[3]
 
     def painted(self, look: int, pixels: np.ndarray, name: str) -> int:
         """A look like that one, with colours of its own, (height, width, 3) uint8 display values."""
-        texture = self._add_texture(name, pixels)
+        texture = self.images.add(name, pixels)
         base = self._graph.materials[look] if look >= 0 else Material(name)
         own = replace(base, name=f"{name}/displayColor", color=materials.WHITE, texture=texture)
         own = replace(own, normals=-1, packed=-1, emission_texture=-1, opacity_map=-1)  # they lie by other coordinates
         self._graph.materials.append(own)
         return len(self._graph.materials) - 1
-
-    def laid_on(self, look: int, uvs: np.ndarray) -> tuple[int, np.ndarray]:
-        """Look and texture coordinates (face, 3, 2) for an image that does not simply repeat."""
-        base = self._graph.materials[look]
-        images = {
-            name: getattr(base, name) for name in ("texture", "normals", "packed", "emission_texture", "opacity_map")
-        }
-        if max(images.values()) < 0 or base.wrap == ("repeat", "repeat"):
-            return look, uvs
-        flat = uvs.reshape(-1, 2)
-        low, high = flat.min(axis=0), flat.max(axis=0)
-        key = (look, *np.floor(low + 1e-3), *np.ceil(high - 1e-3))
-        if key not in self._wrapped:
-            self._wrapped[key] = look, np.ones(2), np.zeros(2)
-            others: dict[str, int] = {}
-            scale = offset = np.zeros(2)
-            for name, index in images.items():
-                done = wrapped(self._graph.textures[index].pixels, base.wrap, low, high) if index >= 0 else None
-                if done is not None:
-                    own = f"{self._graph.texture_names[index]} {base.wrap}"
-                    others[name] = self._add_texture(own, done[0], color=name in ("texture", "emission_texture"))
-                    scale, offset = done[1], done[2]
-            if others:
-                self._graph.materials.append(replace(base, **others, wrap=("repeat", "repeat")))  # type: ignore[arg-type]
-                self._wrapped[key] = len(self._graph.materials) - 1, scale, offset
-        index, scale, offset = self._wrapped[key]
-        if base.wrap != ("repeat", "repeat") and index != look:
-            limits = [(0.5e-3 * s, 1.0 - 0.5e-3 * s) for s in scale]
-            moved = uvs * scale + offset
-            for axis in (0, 1):
-                if base.wrap[axis] in ("clamp", "black"):
-                    moved[..., axis] = np.clip(moved[..., axis], *limits[axis])
-            return index, moved
-        return index, uvs
-
-    def mean_of(self, asset: Sdf.AssetPath, where: str) -> np.ndarray | None:
-        """The mean linear colour of an image, (3,); None if it cannot be read."""
-        pixels = self._load(asset, "", where)
-        return None if pixels is None else LINEAR[_rgb(pixels)].mean(axis=(0, 1))
-
-    def sky_of(self, asset: Sdf.AssetPath, where: str, turn: np.ndarray) -> np.ndarray | None:
-        """Terms of a dome's image, see ``native/shading/environment.h``; None if it cannot be read."""
-        key = (asset.resolvedPath or asset.path, turn.tobytes())
-        if key not in self._skies:
-            pixels = self._load(asset, "", where)
-            self._skies[key] = None if pixels is None else materials.sky_of_panorama(_rgb(pixels), turn)
-        return self._skies[key]
-
-    def add_skybox(self, prim: Usd.Prim, time: Usd.TimeCode, turn: np.ndarray) -> None:
-        """Show a dome's image behind everything; ``turn`` (3, 3) is from the dome's axes to the world's."""
-        asset = prim.GetAttribute("inputs:texture:file").Get(time)
-        if asset is None or not asset.path or self._graph.skybox >= 0:
-            return
-        pixels = self._load(asset, "", str(prim.GetPath()))
-        if pixels is not None:
-            self._graph.skybox = len(self._graph.textures)
-            self._graph.textures.append(cube_of_panorama(_rgb(pixels), turn))
-            self._graph.texture_names.append(asset.path)
 
     def _read(self, material: UsdShade.Material) -> BoundMaterial:
         name = str(material.GetPath())
@@ -197,21 +148,23 @@ class MaterialReader:
                 given = surface.GetInput(source) if source else None
                 if not given:
                     continue
-                value, reader, primvar = value_of(given, self._collector)
+                value, reader, primvar = value_of(given, self._inputs)
                 if reader is not None:
                     textures[what] = reader
                     if what == "color" and source == constant:  # the base colour, where its texture is missing
-                        values[what] = given.GetAttr().Get()
+                        value = self._attributes.value(given.GetAttr(), FIRST)
+                        values[what] = self._inputs.checked_numbers(given, value, 3)
                 elif primvar:
                     by_color |= what == "color" and primvar == "displayColor"
                     by_opacity |= what == "opacity" and primvar == "displayOpacity"
                 elif value is not None and not isinstance(value, Sdf.AssetPath):
-                    count = COMPONENTS.get(what, 1)
-                    if is_numbers(value, count):
+                    if source == texture:
+                        self._inputs.refuse(given, "that is no asset")
+                        continue
+                    value = self._inputs.checked_numbers(given, value, COMPONENTS.get(what, 1))
+                    if value is not None:
                         values[what] = value
-                    else:
-                        self._collector.warn(f"has {source} that is not {count_of(count)}, and is left out", name)
-        omni = OmniInputs(surface, self._collector, name) if inputs is OMNI else None
+        omni = OmniInputs(surface, self._inputs, name) if inputs is OMNI else None
         if omni is not None:
             textures = omni.textures(textures, values)
         ior = max(number_or(values.get("ior"), 1.5), 0.0)
@@ -244,7 +197,7 @@ class MaterialReader:
         """The look with its textures, each a factor of the look's own value, which it replaces."""
         shown = textures.get("color")
         if shown is not None:
-            index = self._texture(shown, name)
+            index = self.images.colors(shown, name)
             if index >= 0:
                 look = replace(look, texture=index, color=materials.WHITE)
             else:
@@ -253,14 +206,14 @@ class MaterialReader:
                 )
         glowing = textures.get("emission")
         if glowing is not None:
-            index = self._texture(glowing, name)
+            index = self.images.colors(glowing, name)
             if index >= 0:
                 look = replace(look, emission_texture=index)
             else:
                 look = replace(look, emission=color_or(glowing.fallback[:3], (0.0, 0.0, 0.0)))
         if "normal" in textures:
-            look = replace(look, normals=self._normals(textures["normal"], name))
-        channels = {what: self._channel(textures[what], name) for what in PACKED if what in textures}
+            look = replace(look, normals=self.images.normals(textures["normal"], name))
+        channels = {what: self.images.channel(textures[what], name) for what in PACKED if what in textures}
         for what, values in channels.items():
             if what != "occlusion":
                 fallback = float(np.clip(textures[what].fallback[CHANNELS.get(textures[what].channel, 0)], 0.0, 1.0))
@@ -268,9 +221,9 @@ class MaterialReader:
         image = packed([channels.get(what) for what in PACKED])
         if image is not None:
             key = tuple(identity(textures[what]) if what in textures else None for what in PACKED)
-            if key not in self._packed:
-                self._packed[key] = self._add_texture(f"{name}/occlusion, roughness, metallic", image, color=False)
-            look = replace(look, packed=self._packed[key])
+            if key not in self._maps:
+                self._maps[key] = self.images.add(f"{name}/occlusion, roughness, metallic", image, color=False)
+            look = replace(look, packed=self._maps[key])
         return look
 
     def _with_opacity(
@@ -283,111 +236,25 @@ class MaterialReader:
         name: str,
     ) -> Material:
         """The look with its opacity: a number, a map or a cut-out."""
-
-        def says(switch: str) -> Any:
-            given = surface.GetInput(switch)
-            return given.Get() if given else None
-
         reader = textures.get("opacity")
         if inputs is OMNI:
-            if not says("enable_opacity"):
+            if not self._inputs.flag(surface, "enable_opacity"):
                 textures.pop("opacity", None)
                 return look
             if reader is not None:
-                reader = replace(reader, channel="a" if says("opacity_mode") == 0 else "r")
-            if reader is None or not says("enable_opacity_texture"):
+                mode = self._inputs.number(surface, "opacity_mode", 1.0)
+                reader = replace(reader, channel="a" if mode == 0.0 else "r")
+            if reader is None or not self._inputs.flag(surface, "enable_opacity_texture"):
                 textures.pop("opacity", None)
                 reader = None
-        cutoff = max(number_or(says("opacity_threshold" if inputs is OMNI else "opacityThreshold"), 0.0), 0.0)
+        threshold = "opacity_threshold" if inputs is OMNI else "opacityThreshold"
+        cutoff = max(self._inputs.number(surface, threshold, 0.0), 0.0)
         factor = number_or(values.get("opacity"), 1.0) if reader is None or inputs is OMNI else 1.0
-        opacity, image = opacity_of(None if reader is None else self._channel(reader, name), factor, cutoff)
+        opacity, image = opacity_of(None if reader is None else self.images.channel(reader, name), factor, cutoff)
         look = replace(look, opacity=opacity, cutoff=cutoff)
         if image is not None and reader is not None:
             key = ("opacity", factor, *identity(reader))
-            if key not in self._textures:
-                self._textures[key] = self._add_texture(f"{name}/opacity", image, color=False)
-            look = replace(look, opacity_map=self._textures[key])
+            if key not in self._maps:
+                self._maps[key] = self.images.add(f"{name}/opacity", image, color=False)
+            look = replace(look, opacity_map=self._maps[key])
         return look
-
-    def _channel(self, reader: TextureInput, where: str) -> np.ndarray | None:
-        """The values of a reader of one channel, (height, width)."""
-        pixels = self._load(reader.asset, reader.layer, where)
-        if pixels is None:
-            return None
-        place = CHANNELS.get(reader.channel, 0)
-        values = pixels[..., min(place, pixels.shape[2] - 1)]
-        if place == 3 and pixels.shape[2] < 4:
-            values = np.full_like(values, 255)
-        srgb = reader.color_space == "sRGB" and place < 3
-        linear: np.ndarray = (LINEAR if srgb else TRANSFER)[values]
-        return linear * reader.scale[place] + reader.bias[place]
-
-    def _normals(self, reader: TextureInput, where: str) -> int:
-        key = ("normals", *identity(reader))
-        if key not in self._textures:
-            pixels = self._load(reader.asset, reader.layer, where)
-            if pixels is None:
-                return -1
-            scale, bias = reader.scale[:3], reader.bias[:3]
-            if (scale == 1.0).all() and (bias == 0.0).all():  # not said: as all such images are
-                scale, bias = np.full(3, 2.0), np.full(3, -1.0)
-            image = map_of_normals(TRANSFER[_rgb(pixels)] * scale + bias)
-            self._textures[key] = self._add_texture(reader.asset.path, image, color=False)
-        return self._textures[key]
-
-    def _texture(self, reader: TextureInput, where: str) -> int:
-        """Index of the reader's image in display values, or -1."""
-        key = identity(reader)
-        if key not in self._textures:
-            pixels = self._load(reader.asset, reader.layer, where)
-            if pixels is None:
-                return -1
-            shown = _rgb(pixels)
-            if reader.channel in ("r", "g", "b", "a"):
-                channel = min("rgba".index(reader.channel), pixels.shape[2] - 1)
-                shown = np.repeat(pixels[..., channel : channel + 1], 3, axis=-1)
-            raw = reader.color_space == "raw" or (reader.color_space == "auto" and pixels.shape[2] == 1)
-            if (reader.scale[:3] != 1.0).any() or (reader.bias[:3] != 0.0).any():
-                linear = shown / 255.0 if raw else LINEAR[shown]
-                shown = np.rint(255.0 * linear_to_srgb(linear * reader.scale[:3] + reader.bias[:3])).astype(np.uint8)
-            elif raw:
-                shown = ENCODED[shown]
-            self._textures[key] = self._add_texture(reader.asset.path, shown)
-        return self._textures[key]
-
-    def _add_texture(self, name: str, pixels: np.ndarray, color: bool = True) -> int:
-        self._graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels), blend_light=color))
-        self._graph.texture_names.append(name)
-        return len(self._graph.textures) - 1
-
-    def _load(self, asset: Sdf.AssetPath, layer: str, where: str) -> np.ndarray | None:
-        """Pixels of an image by the stage's own resolver, also from inside .usdz; None if there are none."""
-        path = asset.resolvedPath
-        if not path and "<UDIM>" in asset.path:
-            first = asset.path.replace("<UDIM>", "1001")
-            path = (
-                str(Ar.GetResolver().Resolve(Sdf.ComputeAssetPathRelativeToLayer(Sdf.Layer.Find(layer), first)))
-                if layer and Sdf.Layer.Find(layer)
-                else str(Ar.GetResolver().Resolve(first))
-            )
-            self._collector.remark("is a texture in tiles, of which only the first is drawn", asset.path)
-        key = path or asset.path
-        if key not in self._pixels:
-            self._pixels[key] = None
-            if not path:
-                self._collector.warn(
-                    "a texture is not found, and its material is drawn in its base colour", f"{asset.path} of {where}"
-                )
-                return None
-            try:
-                self._pixels[key] = decoded(file_bytes(path))
-            except UnreadableError as error:
-                self._collector.warn(
-                    f"a texture cannot be read ({error}), and its material is drawn in its base colour",
-                    f"{asset.path} of {where}",
-                )
-        return self._pixels[key]
-
-
-def _rgb(pixels: np.ndarray) -> np.ndarray:
-    return np.repeat(pixels, 3, axis=-1) if pixels.shape[2] == 1 else pixels[..., :3]

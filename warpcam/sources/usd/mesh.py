@@ -15,9 +15,11 @@ from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
 from warpcam.sources.common.scene_graph import ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.attributes import AttributeReader
 from warpcam.sources.usd.material import BoundMaterial, MaterialReader
 
 SKINNING = ("primvars:skel:jointIndices", "skel:blendShapes")  # of what UsdSkel moves
+FACES = ("faceVertexCounts", "faceVertexIndices", "surfaceFaceVertexIndices", "tetVertexIndices")
 SMOOTH_BELOW = 0.8  # cosine to the face's normal under which a control cage is not smoothed
 
 
@@ -51,9 +53,15 @@ class Triangles:
 class MeshReader:
     """Reads each mesh once for each material that it has."""
 
-    def __init__(self, materials: MaterialReader, double_sided: bool | None, collector: WarningCollector):
+    def __init__(
+        self,
+        materials: MaterialReader,
+        double_sided: bool | None,
+        attributes: AttributeReader,
+        collector: WarningCollector,
+    ):
         self.double_sided = double_sided
-        self._materials, self._collector = materials, collector
+        self._materials, self._attributes, self._collector = materials, attributes, collector
         self._cut: dict[Sdf.Path, Triangles | None] = {}
         self._parts: dict[tuple[Any, ...], tuple[MeshGeometry, int, bool]] = {}
         self.updates: list[Callable[[Usd.TimeCode], None]] = []
@@ -68,12 +76,12 @@ class MeshReader:
             return []
         items = []
         rest = np.ones(len(triangles.faces), bool)
-        subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.IsA(UsdGeom.Mesh) else []
+        subsets = self._subsets(prim) if prim.IsA(UsdGeom.Mesh) else []
         for subset in subsets:
-            if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+            if self._attributes.get(subset.GetPrim(), "elementType") != UsdGeom.Tokens.face:
                 self._collector.warn("is a subset of other things than faces, and is left out", str(subset.GetPath()))
                 continue
-            indices = np.array(subset.GetIndicesAttr().Get(time) or [], np.int64)
+            indices = self._attributes.get(subset.GetPrim(), "indices", time)
             chosen = np.zeros(triangles.counts[0], bool)
             inside = (indices >= 0) & (indices < len(chosen))
             if not inside.all():
@@ -86,11 +94,33 @@ class MeshReader:
             if mine.any():
                 own = f"{name}/{subset.GetPrim().GetName()}"
                 bound = self._materials.bound_to(subset.GetPrim())
-                items.append(self._item(prim, path, node, own, bound, triangles, mine, str(subset.GetPath()), time))
+                items.append(
+                    self._item(
+                        prim,
+                        path,
+                        node,
+                        name=own,
+                        bound=bound,
+                        triangles=triangles,
+                        mine=mine,
+                        part=str(subset.GetPath()),
+                        time=time,
+                    )
+                )
         if rest.any():
             bound = self._materials.bound_to(prim)
-            items.append(self._item(prim, path, node, name, bound, triangles, rest, "", time))
+            items.append(
+                self._item(prim, path, node, name=name, bound=bound, triangles=triangles, mine=rest, part="", time=time)
+            )
         return items
+
+    def _subsets(self, prim: Usd.Prim) -> list[UsdGeom.Subset]:
+        """Return the subsets with materials."""
+        return [
+            subset
+            for subset in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim))
+            if self._attributes.get(subset.GetPrim(), "familyName") == UsdShade.Tokens.materialBind
+        ]
 
     def _item(
         self,
@@ -127,7 +157,7 @@ class MeshReader:
         look = bound.look
         uvs = self._uvs(prim, bound, triangles, time)
         if look >= 0 and uvs is not None:
-            look, uvs = self._materials.laid_on(look, uvs)
+            look, uvs = self._materials.images.laid_on(look, uvs)
         painted = self._corner_colors(prim, triangles, time) if bound.by_color else None
         if painted is not None:
             image, uvs = corner_colors(np.rint(255.0 * linear_to_srgb(painted[mine])).astype(np.uint8))
@@ -140,10 +170,10 @@ class MeshReader:
             name,
             triangles.points[vertices],
             back.reshape(-1, 3).astype(np.int32),
-            None if normals is None else normals[mine],
-            uvs,
-            triangles.two_sided,
-            triangles.moves,
+            normals=None if normals is None else normals[mine],
+            uvs=uvs,
+            two_sided=triangles.two_sided,
+            moves=triangles.moves,
         )
         if triangles.moves:
             self.updates.append(lambda time: self._move(surface, prim, vertices, len(triangles.points), time))
@@ -152,8 +182,8 @@ class MeshReader:
     def _move(
         self, surface: MeshGeometry, prim: Usd.Prim, vertices: np.ndarray, count: int, time: Usd.TimeCode
     ) -> None:
-        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
-        if len(points) == count and np.isfinite(points).all():
+        points = self._attributes.get(prim, "points", time)
+        if points is not None and len(points) == count and np.isfinite(points).all():
             surface.vertices = points[vertices]
         else:
             self._collector.warn(
@@ -161,27 +191,25 @@ class MeshReader:
             )
 
     def _triangles(self, prim: Usd.Prim, path: Sdf.Path, time: Usd.TimeCode) -> Triangles | None:
-        name = str(path)
-        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        name, get = str(path), self._attributes.get
+        points = get(prim, "points", time)
+        points = np.zeros((0, 3)) if points is None else points
         if not np.isfinite(points).all():
             raise WarpcamError(f"mesh '{name}': points must be finite, got {points[~np.isfinite(points).all(1)][0]}")
         smooth = False
+        holes = np.zeros(0, np.int64)
         if prim.IsA(UsdGeom.Mesh):
-            mesh = UsdGeom.Mesh(prim)
-            counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time) or [], np.int64)
-            indices = np.array(mesh.GetFaceVertexIndicesAttr().Get(time) or [], np.int64)
-            holes = np.array(mesh.GetHoleIndicesAttr().Get(time) or [], np.int64)
-            if mesh.GetSubdivisionSchemeAttr().Get(time) != UsdGeom.Tokens.none:
+            counts, indices = (_or_empty(get(prim, what, time)) for what in ("faceVertexCounts", "faceVertexIndices"))
+            holes = get(prim, "holeIndices", time)
+            if get(prim, "subdivisionScheme", time) != UsdGeom.Tokens.none:
                 smooth = True
                 self._collector.remark("is a subdivision surface, drawn as its control cage", name)
         else:
-            tets = UsdGeom.TetMesh(prim)
-            surface = tets.GetSurfaceFaceVertexIndicesAttr().Get(time)
-            surface = surface or UsdGeom.TetMesh.ComputeSurfaceFaces(tets, time) or []
-            indices = np.array(surface, np.int64).reshape(-1)
-            counts, holes = np.full(len(indices) // 3, 3, np.int64), np.zeros(0, np.int64)
-        if len(counts) == 0 or len(points) == 0:
-            self._collector.warn("is a mesh without faces", name)
+            indices = self._surface_of(prim, time)
+            counts = np.full(len(indices) // 3, 3, np.int64)
+        if not counts.any() or len(points) == 0 or self._attributes.refused(prim, "faceVertexIndices"):
+            if not self._attributes.refused(prim, "points", *FACES):
+                self._collector.warn("is a mesh without faces", name)
             return None
         if counts.min() < 0 or counts.sum() != len(indices):
             raise WarpcamError(
@@ -197,23 +225,21 @@ class MeshReader:
         if len(holes):
             there = ~np.isin(faces, holes)
             corners, faces = corners[there], faces[there]
-        if UsdGeom.Gprim(prim).GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded:
+        if get(prim, "orientation", time) == UsdGeom.Tokens.leftHanded:
             corners = corners[:, [0, 2, 1]]
         if len(faces) == 0:
             self._collector.warn("is a mesh without faces", name)
             return None
-        sides = bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time))
+        sides = get(prim, "doubleSided", time)
         two_sided = sides if self.double_sided is None else self.double_sided
         totals = (len(counts), len(points), len(indices))
         moves = UsdGeom.PointBased(prim).GetPointsAttr().ValueMightBeTimeVarying()
         if prim.IsA(UsdGeom.Mesh):
-            mesh = UsdGeom.Mesh(prim)
-            fixed = (mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr(), mesh.GetHoleIndicesAttr())
-            if any(attribute.ValueMightBeTimeVarying() for attribute in fixed):
+            fixed = ("faceVertexCounts", "faceVertexIndices", "holeIndices")
+            if any(prim.GetAttribute(what).ValueMightBeTimeVarying() for what in fixed):
                 self._collector.warn("changes its faces with time, and is drawn as it was at first", name)
                 moves = False
-        skinned = (prim.GetAttribute(name).Get(Usd.TimeCode.EarliestTime()) for name in SKINNING)
-        if any(value is not None and np.size(value) > 0 for value in skinned):
+        if any(self._attributes.has_elements(prim, name) for name in SKINNING):
             self._collector.warn(
                 "is moved by a skeleton, which is not followed: its points are drawn as they stand", name
             )
@@ -228,6 +254,17 @@ class MeshReader:
             two_sided=two_sided,
             moves=moves,
         )
+
+    def _surface_of(self, prim: Usd.Prim, time: Usd.TimeCode) -> np.ndarray:
+        """Return the corners of the faces of a mesh of tetrahedra, (3 * face,)."""
+        flat = Sdf.ValueTypeNames.IntArray
+        surface = self._attributes.get(prim, "surfaceFaceVertexIndices", time, also=flat)
+        if surface is None or len(surface) == 0:
+            inside = self._attributes.get(prim, "tetVertexIndices", time)
+            if inside is None or len(inside) == 0:
+                return np.zeros(0, np.int64)
+            surface = UsdGeom.TetMesh.ComputeSurfaceFaces(UsdGeom.TetMesh(prim), time)
+        return np.array(surface, np.int64).reshape(-1)
 
     def _uvs(self, prim: Usd.Prim, bound: BoundMaterial, triangles: Triangles, time: Usd.TimeCode) -> np.ndarray | None:
         """(triangle, 3, 2), v up."""
@@ -261,10 +298,9 @@ class MeshReader:
             values = self._values(primvar, triangles, 3, time)
         else:
             based = UsdGeom.PointBased(prim)
-            normals = based.GetNormalsAttr().Get(time)
-            if normals:
-                how = based.GetNormalsInterpolation()
-                values = self._spread(np.array(normals, np.float64), how, triangles, "normals")
+            normals = self._attributes.get(prim, "normals", time)
+            if normals is not None and len(normals):
+                values = self._spread(normals, based.GetNormalsInterpolation(), triangles, "normals")
         flat = face_normals(triangles.points, triangles.vertices)[:, None, :]
         if values is not None:
             usable = np.isfinite(values).all(axis=-1, keepdims=True) & (np.abs(values).max(-1, keepdims=True) > 0.0)
@@ -283,17 +319,10 @@ class MeshReader:
     def _values(
         self, primvar: UsdGeom.Primvar, triangles: Triangles, width: int, time: Usd.TimeCode
     ) -> np.ndarray | None:
-        name = primvar.GetPrimvarName()
-        values = primvar.ComputeFlattened(time)
-        if values is None or len(values) == 0:
-            if primvar.IsIndexed():
-                self._collector.warn(f"has {name} whose indices are out of range, which are left out", triangles.name)
+        values = self._attributes.primvar(primvar, time, width, wider=width == 2)
+        if values is None:
             return None
-        array = np.array(values, np.float64)
-        if array.ndim != 2 or array.shape[1] < width:
-            self._collector.warn(f"has {name} of less than {width} numbers each, which are left out", triangles.name)
-            return None
-        return self._spread(array[:, :width], primvar.GetInterpolation(), triangles, name)
+        return self._spread(values, primvar.GetInterpolation(), triangles, primvar.GetPrimvarName())
 
     def _spread(self, values: np.ndarray, how: str, triangles: Triangles, what: str) -> np.ndarray | None:
         """Values by their interpolation, (triangle, 3, width)."""
@@ -319,3 +348,7 @@ class MeshReader:
         if how == tokens.uniform:
             return np.repeat(values[triangles.faces][:, None], 3, axis=1)
         return values[triangles.vertices if how in (tokens.vertex, tokens.varying) else triangles.corners]
+
+
+def _or_empty(array: np.ndarray | None) -> np.ndarray:
+    return np.zeros(0, np.int64) if array is None else array

@@ -8,11 +8,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pxr import UsdShade
+from pxr import Sdf, UsdShade
 
-from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.inputs import InputReader
 from warpcam.sources.usd.shader import value_of
-from warpcam.sources.usd.texture import TextureInput, count_of, is_numbers
+from warpcam.sources.usd.texture import TextureInput
 
 # How much of a map is mixed into the constant, by what it says; 0 unless it is given.
 INFLUENCES = {
@@ -27,8 +27,8 @@ NOT_DRAWN = {"albedo_desaturation": 0.0, "project_uvw": False, "texture_rotate":
 class OmniInputs:
     """The inputs of the surface of the material ``name``; what is not drawn is told."""
 
-    def __init__(self, surface: UsdShade.Shader, collector: WarningCollector, name: str):
-        self._surface, self._collector, self._name = surface, collector, name
+    def __init__(self, surface: UsdShade.Shader, inputs: InputReader, name: str):
+        self._surface, self._inputs, self._name = surface, inputs, name
 
     def tint(self) -> np.ndarray:
         """Return the factor of the colour, (3,) linear."""
@@ -36,13 +36,15 @@ class OmniInputs:
 
     def emission(self, values: Mapping[str, Any]) -> Any:
         """Its colour, or None where it is switched off."""
-        return values.get("emission", (1.0, 0.1, 0.1)) if self._read("enable_emission")[0] else None
+        return values.get("emission", (1.0, 0.1, 0.1)) if self._inputs.flag(self._surface, "enable_emission") else None
 
     def textures(self, given: Mapping[str, TextureInput], values: Mapping[str, Any]) -> dict[str, TextureInput]:
         """Its textures by what they say, with all that it does to them."""
         found = dict(given)
-        packed = self._read("ORM_texture")[1]
-        if packed is not None and self._read("enable_ORM_texture")[0]:
+        value, packed = self._read("ORM_texture")
+        if value is not None and not isinstance(value, Sdf.AssetPath):
+            self._inputs.refuse(self._surface.GetInput("ORM_texture"), "that is no asset")
+        if packed is not None and self._inputs.flag(self._surface, "enable_ORM_texture"):
             found |= {what: replace(packed, channel=channel) for what, channel in ORM.items()}
         for what, (name, default) in INFLUENCES.items():
             if what in found:
@@ -62,16 +64,12 @@ class OmniInputs:
         for name, nothing in NOT_DRAWN.items():
             value, texture = self._read(name)
             if texture is not None or (found and value is not None and value != nothing and nothing is not None):
-                self._collector.warn(f"has {name}, which is not drawn", self._name)
+                self._inputs.collector.warn(f"has {name}, which is not drawn", self._name)
         return found
 
     def _read(self, name: str) -> tuple[Any, TextureInput | None]:
         given = self._surface.GetInput(name)
-        return value_of(given, self._collector)[:2] if given else (None, None)
+        return value_of(given, self._inputs)[:2] if given else (None, None)
 
     def _numbers(self, name: str, default: tuple[float, ...]) -> np.ndarray:
-        value = self._read(name)[0]
-        if value is not None and not is_numbers(value, len(default)):
-            self._collector.warn(f"has {name} that is not {count_of(len(default))}, and is left out", self._name)
-            value = None
-        return np.array(default if value is None else value, np.float64).reshape(len(default))
+        return self._inputs.numbers(self._surface, name, default)

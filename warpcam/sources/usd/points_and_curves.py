@@ -11,6 +11,7 @@ from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import corner_colors
 from warpcam.sources.common.scene_graph import ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.attributes import AttributeReader
 from warpcam.sources.usd.material import MaterialReader
 
 POINT_PRIMS = ("Points", "BasisCurves")
@@ -30,8 +31,8 @@ Cut = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # vertices, faces, 
 class PointsAndCurvesReader:
     """Reads each prim once."""
 
-    def __init__(self, materials: MaterialReader, collector: WarningCollector):
-        self._materials, self._collector = materials, collector
+    def __init__(self, materials: MaterialReader, attributes: AttributeReader, collector: WarningCollector):
+        self._materials, self._attributes, self._collector = materials, attributes, collector
         self._known: dict[Sdf.Path, tuple[MeshGeometry, np.ndarray | None] | None] = {}
         self._painted: dict[tuple[Sdf.Path, int], int] = {}
 
@@ -53,11 +54,13 @@ class PointsAndCurvesReader:
         return [ShapeInstance(name, node, surface, look, color)]
 
     def _cut(self, prim: Usd.Prim, name: str, time: Usd.TimeCode) -> tuple[MeshGeometry, np.ndarray | None] | None:
-        points = np.array(UsdGeom.PointBased(prim).GetPointsAttr().Get(time) or [], np.float64).reshape(-1, 3)
+        points = self._attributes.get(prim, "points", time)
+        points = np.zeros((0, 3)) if points is None else points
         if not np.isfinite(points).all():
             raise WarpcamError(f"'{name}': points must be finite, got {points[~np.isfinite(points).all(1)][0]}")
         if len(points) == 0:
-            self._collector.warn("has no points", name)
+            if not self._attributes.refused(prim, "points"):
+                self._collector.warn("has no points", name)
             return None
         given = UsdGeom.PrimvarsAPI(prim).GetPrimvar("widths")
         if not (given and given.HasValue()) and not prim.GetAttribute("widths").HasValue():
@@ -88,14 +91,17 @@ class PointsAndCurvesReader:
         return vertices.reshape(-1, 3), faces, normals, np.repeat(values, len(ball), axis=0)
 
     def _tubes(self, prim: Usd.Prim, name: str, points: np.ndarray, time: Usd.TimeCode) -> Cut | None:
-        curves, tokens = UsdGeom.BasisCurves(prim), UsdGeom.Tokens
-        numbers = np.array(curves.GetCurveVertexCountsAttr().Get(time) or [], np.int64)
+        tokens = UsdGeom.Tokens
+        numbers = self._attributes.get(prim, "curveVertexCounts", time)
+        if self._attributes.refused(prim, "curveVertexCounts"):
+            return None
+        numbers = np.zeros(0, np.int64) if numbers is None else numbers
         if len(numbers) == 0 or numbers.min() < 0 or numbers.sum() != len(points):
             raise WarpcamError(
                 f"'{name}': curveVertexCounts sum up to {numbers.sum()}, but there are {len(points)} points"
             )
-        kind, wrap = (str(a.Get(time)) for a in (curves.GetTypeAttr(), curves.GetWrapAttr()))
-        basis = str(curves.GetBasisAttr().Get(time)) if kind == "cubic" else "linear"
+        kind, wrap, basis = (self._attributes.get(prim, what, time) for what in ("type", "wrap", "basis"))
+        basis = basis if kind == tokens.cubic else tokens.linear
         lines = [Curve(int(number), basis, wrap) for number in numbers]
         starts = np.concatenate(([0], np.cumsum(numbers)[:-1]))
         ends = np.array([line.segments + (wrap != "periodic") for line in lines])
@@ -143,25 +149,31 @@ class PointsAndCurvesReader:
         """Widths and display colours, (n, 4), and how both are interpolated: as the finer of the two."""
         api = UsdGeom.PrimvarsAPI(prim)
         based = UsdGeom.Points(prim) if prim.IsA(UsdGeom.Points) else UsdGeom.Curves(prim)
-        widths = np.array(based.GetWidthsAttr().Get(time) or [1.0], np.float64).reshape(-1, 1)
+        widths = self._attributes.get(prim, "widths", time)
+        widths = np.ones((1, 1)) if widths is None or len(widths) == 0 else widths.reshape(-1, 1)
         how = based.GetWidthsInterpolation()
         own, colors = api.GetPrimvar("widths"), api.FindPrimvarWithInheritance("displayColor")
         shades, second = np.ones((1, 3)), UsdGeom.Tokens.constant
         if own and own.HasValue():
-            widths, how = self._flattened(own, name, time, widths), own.GetInterpolation()
+            found = self._attributes.primvar(own, time, 1)
+            widths, how = widths if found is None else found, own.GetInterpolation()
         if colors and colors.HasValue() and colors.GetInterpolation() != UsdGeom.Tokens.constant:
-            shades, second = self._flattened(colors, name, time, shades), colors.GetInterpolation()
-        found = [(widths, str(how)), (shades, second)]
-        for place, (values, how) in enumerate(found):
-            if len(values) == 1:
-                found[place] = values, UsdGeom.Tokens.constant
+            found = self._attributes.primvar(colors, time, 3)
+            shades, second = shades if found is None else found, colors.GetInterpolation()
+        if (widths < 0.0).any():
+            self._collector.warn("has widths that are negative, which are not drawn", name)
+        both = [(widths, str(how)), (shades, second)]
+        for place, (values, how) in enumerate(both):
+            if len(values) == 1 and np.isfinite(values).all():
+                both[place] = values, UsdGeom.Tokens.constant
             elif counts.get(how) != len(values) or not np.isfinite(values).all():
+                fault = "that are not finite"
+                if np.isfinite(values).all():
+                    fault = "of another number than its interpolation needs"
                 what = ("widths", "displayColor")[place]
-                self._collector.warn(
-                    f"has {what} of another number than its interpolation needs, which are left out", name
-                )
-                found[place] = np.ones((1, values.shape[1])), UsdGeom.Tokens.constant
-        (widths, first), (shades, second) = found
+                self._collector.warn(f"has {what} {fault}, which are left out", name)
+                both[place] = np.ones((1, values.shape[1])), UsdGeom.Tokens.constant
+        (widths, first), (shades, second) = both
         if counts[first] == counts[second] or 1 in (len(widths), len(shades)):
             how = first if len(widths) > 1 else second
         else:
@@ -169,13 +181,6 @@ class PointsAndCurvesReader:
             shades, how = np.ones((1, 3)), first
         rows = max(len(widths), len(shades))
         return np.hstack((np.broadcast_to(widths, (rows, 1)), np.broadcast_to(shades, (rows, 3)))), str(how)
-
-    def _flattened(self, primvar: UsdGeom.Primvar, name: str, time: Usd.TimeCode, default: np.ndarray) -> np.ndarray:
-        values = primvar.ComputeFlattened(time)
-        if not values and primvar.IsIndexed():
-            what = primvar.GetPrimvarName()
-            self._collector.warn(f"has {what} whose indices are out of range, which are left out", name)
-        return np.array(values, np.float64).reshape(-1, default.shape[-1]) if values else default
 
 
 class Curve:

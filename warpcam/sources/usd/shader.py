@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, UsdShade
 
-from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.usd.texture import TextureInput, input_value, plain_texture, texture_input
+from warpcam.sources.usd.attributes import FIRST
+from warpcam.sources.usd.inputs import InputReader
+from warpcam.sources.usd.texture import TextureInput, plain_texture, texture_input
 
 # Inputs by what they say. A texture of its own stands in an input beside the constant in OmniPBR.
 PREVIEW: Mapping[str, tuple[str, str]] = {
@@ -47,23 +48,23 @@ def surface_of(material: UsdShade.Material) -> tuple[UsdShade.Shader | None, Map
     return None, PREVIEW
 
 
-def value_of(given: UsdShade.Input, collector: WarningCollector) -> tuple[Any, TextureInput | None, str]:
+def value_of(given: UsdShade.Input, inputs: InputReader) -> tuple[Any, TextureInput | None, str]:
     """Resolve an input: to its constant, to the texture reader it is connected to, or to the primvar."""
-    for attribute in UsdShade.Utils.GetValueProducingAttributes(given):
+    for attribute in inputs.producing(given):
         prim = attribute.GetPrim()
         shader = UsdShade.Shader(prim)
         identifier = str(shader.GetShaderId() or "") if shader else ""
         output = attribute.GetName().removeprefix("outputs:")
         if attribute.GetName().startswith("outputs:"):
             if identifier == "UsdUVTexture":
-                return None, texture_input(shader, output, collector), ""
+                return None, texture_input(shader, output, inputs), ""
             if identifier.startswith("UsdPrimvarReader"):
-                return None, None, str(input_value(shader, "varname", ""))
-            collector.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
+                return None, None, inputs.text(shader, "varname")
+            inputs.collector.remark(f"uses {identifier or 'a shader'}, which is not known here", str(prim.GetPath()))
             continue
-        value = attribute.Get(Usd.TimeCode.EarliestTime())
+        value = inputs.attributes.value(attribute, FIRST)
         if attribute.ValueMightBeTimeVarying():
-            collector.warn("has a value that changes with time, and keeps its first", str(attribute.GetPath()))
+            inputs.collector.warn("has a value that changes with time, and keeps its first", str(attribute.GetPath()))
         if isinstance(value, Sdf.AssetPath) and value.path:
             return None, plain_texture(value, attribute), ""
         return value, None, ""

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,8 @@ from warpcam.sources.common.images import named_images
 from warpcam.sources.common.scene_graph import FrameNode, SceneGraph
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.nothing_drawn import hidden, reason_of_no_shapes, unloaded
+from warpcam.sources.usd.opening import opened, short
 from warpcam.sources.usd.stage import StageReader
 
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -53,22 +54,35 @@ def load(
     check_unit(meters_per_unit)
     check_tristate("transparency", transparency)
     images, where = named_images(textures), device_rule.resolve(device)
-    stage, name = _opened(path_or_stage)
+    stage, name = opened(path_or_stage)
     collector = WarningCollector(name)
     _tell_of_errors(stage, collector)
     unit = _unit(stage, meters_per_unit, collector)
     root = np.diag((unit, unit, unit, 1.0))
-    if up_axis == "Z" and UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+    for path in unloaded(stage):
+        collector.warn("has payloads that are not loaded, and are not drawn; stage.Load() loads them", path)
+    axis = str(UsdGeom.GetStageUpAxis(stage))
+    if axis not in ("Y", "Z"):
+        collector.warn(f"has upAxis {axis!r}, known are Y and Z, and keeps its own axes")
+    if up_axis == "Z" and axis == "Y":
         root = root @ np.array(((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 0), (0, 0, 0, 1)), np.float64)
     graph = SceneGraph(name, [FrameNode("/", -1, root)])
     start = _time(stage, time)
     try:
-        StageReader(stage, graph, start, frozenset(purposes), double_sided, unit, collector).read()
+        StageReader(
+            stage, graph, start, purposes=frozenset(purposes), double_sided=double_sided, unit=unit, collector=collector
+        ).read()
     except Tf.ErrorException as error:
-        raise WarpcamError(f"{name}: USD cannot read it: {_short(error)}") from None
+        raise WarpcamError(f"{name}: USD cannot read it: {short(error)}") from None
     if not graph.items:
         collector.say()
-        raise WarpcamError(f"{name}: the stage has nothing that can be drawn: no visible geometry of a purpose that is")
+        raise WarpcamError(f"{name}: {reason_of_no_shapes(stage, purposes)}")
+    hider = hidden(graph)
+    if hider:
+        raise WarpcamError(
+            f"{name}: has nothing to draw; {len(graph.items)} shapes came, none is visible: {hider} is invisible; make "
+            "it visible; scene.set_visible hides it again"
+        )
     for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)
@@ -80,20 +94,6 @@ def load(
         collector.warn(f"is {size:.3g} m across; if that is wrong, give meters_per_unit, which is {unit:g}")
         collector.say()
     return scene
-
-
-def _opened(path_or_stage: Any) -> tuple[Usd.Stage, str]:
-    if isinstance(path_or_stage, Usd.Stage):
-        return path_or_stage, path_or_stage.GetRootLayer().identifier
-    if not isinstance(path_or_stage, str | Path):
-        raise WarpcamError(f"path_or_stage must be a path or a pxr.Usd.Stage, got {type(path_or_stage).__name__}")
-    path = str(path_or_stage)
-    if "://" not in path and not Path(path).exists():
-        raise WarpcamError(f"from_usd: there is no file {path!r}")
-    try:
-        return Usd.Stage.Open(path), path
-    except Tf.ErrorException as error:
-        raise WarpcamError(f"{path}: USD cannot open it: {_short(error)}") from None
 
 
 def _tell_of_errors(stage: Usd.Stage, collector: WarningCollector) -> None:
@@ -121,8 +121,3 @@ def _time(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
             raise WarpcamError(f"time must be a finite number, got {time!r}")
         return Usd.TimeCode(float(time))
     return Usd.TimeCode(stage.GetStartTimeCode()) if stage.HasAuthoredTimeCodeRange() else Usd.TimeCode.EarliestTime()
-
-
-def _short(error: Exception) -> str:
-    text = " ".join(str(error).split())
-    return text.rsplit(" : ", 1)[-1].strip("'")[:300] if text.count(" : ") == 1 else text[:500]

@@ -7,13 +7,14 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.core.errors import WarpcamError
-from warpcam.core.rotations import rotation_matrices
 from warpcam.sources.common.geometry import Geometry, polar
 from warpcam.sources.common.scene_graph import FrameNode, SceneGraph, ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.attributes import AttributeReader
 from warpcam.sources.usd.camera import read_camera
 from warpcam.sources.usd.gaussians import KIND, read_splats
 from warpcam.sources.usd.gprims import GPRIMS, back_of, read_gprim, update_gprim
+from warpcam.sources.usd.instancer import InstancerReader
 from warpcam.sources.usd.light import DOME, is_light, pole_of, read_light
 from warpcam.sources.usd.material import MaterialReader
 from warpcam.sources.usd.mesh import MeshReader
@@ -39,9 +40,11 @@ class StageReader:
     ):
         self._stage, self._graph, self._time, self._purposes, self._collector = stage, graph, time, purposes, collector
         self._unit = unit
-        self._materials = MaterialReader(graph, collector)
-        self._meshes = MeshReader(self._materials, double_sided, collector)
-        self._strands = PointsAndCurvesReader(self._materials, collector)
+        self._attributes = AttributeReader(collector)
+        self._materials = MaterialReader(graph, self._attributes, collector)
+        self._meshes = MeshReader(self._materials, double_sided, self._attributes, collector)
+        self._strands = PointsAndCurvesReader(self._materials, self._attributes, collector)
+        self._instancers = InstancerReader(stage, graph.source, self._attributes, collector)
         self._solids: dict[Sdf.Path, Geometry] = {}
         self._clouds: dict[Sdf.Path, Geometry | None] = {}
         self._updates: list[Callable[[Usd.TimeCode], None]] = []
@@ -88,8 +91,8 @@ class StageReader:
             prim, parent, name, purpose = stack.pop()
             imageable = UsdGeom.Imageable(prim)
             if imageable:
-                authored = imageable.GetPurposeAttr()
-                purpose = authored.Get() if authored.HasAuthoredValue() else purpose
+                authored = imageable.GetPurposeAttr().HasAuthoredValue()
+                purpose = self._attributes.get(prim, "purpose") if authored else purpose
             node = self._add_node(prim, parent, name, rest and prim == first)
             if prim.IsA(UsdGeom.PointInstancer):
                 self._walk_instances(UsdGeom.PointInstancer(prim), node, name, purpose, instancers)
@@ -102,7 +105,8 @@ class StageReader:
 
     def _add_node(self, prim: Usd.Prim, parent: int, name: str, rest: bool) -> int:
         above = self._graph.nodes[parent]
-        node = FrameNode(name, parent, np.eye(4), instance=above.instance, labels=_labels(prim) or above.labels)
+        labels = self._labels(prim) or above.labels
+        node = FrameNode(name, parent, np.eye(4), instance=above.instance, labels=labels)
         if prim.IsInstance():
             node.instance = len(self._graph.instances)
             self._graph.instances.append(name)
@@ -116,13 +120,15 @@ class StageReader:
 
         def update(time: Usd.TimeCode) -> None:
             if query and not rest:
-                node.local = _matrix(query.GetLocalTransformation(time))
+                node.local = self._attributes.transform(query, time)
                 node.resets = query.GetResetXformStack()
                 if not np.isfinite(node.local).all():
                     self._collector.warn("has a transform that is not finite, and is left out", name)
             if imageable:
-                node.visible = imageable.GetVisibilityAttr().Get(time) != UsdGeom.Tokens.invisible
+                node.visible = self._attributes.get(prim, "visibility", time) != UsdGeom.Tokens.invisible
 
+        if query and not rest:
+            self._attributes.check_transform(query)
         update(self._time)
         if moves or blinks:
             node.moves = True
@@ -139,21 +145,25 @@ class StageReader:
             graph.items += self._strands.read(prim, node, name, self._time)
         elif kind in GPRIMS:
             key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
-            form = self._solids.setdefault(key, read_gprim(prim, self._time, self._meshes.double_sided))
+            read, sides = self._attributes, self._meshes.double_sided
+            form = self._solids.setdefault(key, read_gprim(prim, self._time, sides, read))
             color, look = self._materials.of_solid(prim, self._time)
             graph.items.append(ShapeInstance(name, node, form, look, color))
-            back = back_of(form, prim, self._meshes.double_sided)
+            back = back_of(form, prim, sides, read)
             if back is not None:
                 graph.items.append(ShapeInstance(f"{name}/back", node, back, look, color))
             if any(attribute.ValueMightBeTimeVarying() for attribute in prim.GetAuthoredAttributes()):
                 graph.nodes[node].moves = True
-                self._updates.append(lambda time: update_gprim(form, prim, time))
+                self._updates.append(lambda time: update_gprim(form, prim, time, read))
         elif prim.IsA(UsdGeom.Camera):
-            self._add_live(graph.cameras, lambda t: read_camera(UsdGeom.Camera(prim), node, name, t, self._unit), prim)
+            self._add_live(
+                graph.cameras, lambda t: read_camera(prim, node, name, t, self._unit, self._attributes), prim
+            )
         elif is_light(prim):
             self._add_live(graph.lights, lambda t: self._light(prim, node, name, t), prim)
             if kind in DOME:
-                self._materials.add_skybox(prim, self._time, self._turn(prim, node))
+                image = self._attributes.get(prim, "inputs:texture:file", self._time)
+                self._materials.images.add_skybox(image, str(prim.GetPath()), self._turn(prim, node))
         elif kind == KIND:
             self._add_splats(prim, node, name)
         elif kind in NOT_DRAWN or kind.startswith("ParticleField"):
@@ -162,8 +172,10 @@ class StageReader:
     def _add_splats(self, prim: Usd.Prim, node: int, name: str) -> None:
         key = prim.GetPrimInPrototype().GetPath() if prim.IsInstanceProxy() else prim.GetPath()
         if key not in self._clouds:
-            self._clouds[key] = read_splats(prim, self._time)
+            self._clouds[key] = read_splats(prim, self._time, self._attributes)
         form = self._clouds[key]
+        if form is None and self._attributes.refused(prim, "positions", "positionsh"):
+            return
         if form is None:
             self._collector.warn("has splats whose arrays are empty or differ in length, and is left out", name)
             return
@@ -174,13 +186,21 @@ class StageReader:
     def _light(self, prim: Usd.Prim, node: int, name: str, time: Usd.TimeCode) -> Any:
         scale = abs(np.linalg.det(self._graph.worlds_of(node)[:3, :3])) ** (1.0 / 3.0)
         turn = self._turn(prim, node) if str(prim.GetTypeName()) in DOME else np.eye(3)
-        materials = self._materials
+        images = self._materials.images
         return read_light(
-            prim, node, name, time, scale, self._collector, materials.mean_of, lambda a, w: materials.sky_of(a, w, turn)
+            prim,
+            node,
+            name,
+            time=time,
+            scale=scale,
+            attributes=self._attributes,
+            collector=self._collector,
+            mean_of=images.mean_of,
+            sky_of=lambda asset, where: images.sky_of(asset, where, turn),
         )
 
     def _turn(self, dome: Usd.Prim, node: int) -> np.ndarray:
-        return polar(self._graph.worlds_of(node)[:3, :3])[0] @ pole_of(dome)
+        return polar(self._graph.worlds_of(node)[:3, :3])[0] @ pole_of(dome, self._attributes)
 
     def _add_live(self, things: list[Any], read: Callable[[Usd.TimeCode], Any], prim: Usd.Prim) -> None:
         place = len(things)
@@ -198,26 +218,15 @@ class StageReader:
         path = instancer.GetPath()
         if path in instancers or len(instancers) >= MAX_DEPTH:
             raise WarpcamError(f"{self._graph.source}: point instancer {path} has itself among its prototypes")
-        targets = instancer.GetPrototypesRel().GetForwardedTargets()
-        indices = instancer.GetProtoIndicesAttr().Get(self._time)
-        indices = np.array([] if indices is None else indices, np.int64)
-        if len(indices) == 0:
+        placement = self._instancers.place(instancer, self._time)
+        if placement is None:
             return
-        if indices.min() < 0 or indices.max() >= len(targets):
-            worst = indices.min() if indices.min() < 0 else indices.max()
-            raise WarpcamError(
-                f"{self._graph.source}: {path}: protoIndices has {worst}; there are {len(targets)} prototypes"
-            )
-        placed = self._instance_matrices(instancer, indices, self._time)
-        if placed is None:
-            raise WarpcamError(
-                f"{self._graph.source}: {path}: {len(indices)} protoIndices came, with positions, orientations or "
-                "scales of another number"
-            )
-        mask = instancer.ComputeMaskAtTime(self._time) or [True] * len(indices)
-        above, colors = self._materials.inherited, self._instance_colors(instancer, len(indices))
+        indices = placement.indices
+        mask = self._instancers.shown(instancer, len(indices), self._time)
+        above = self._materials.inherited
+        colors = self._instancers.colors(instancer, len(indices), self._time)
         nodes = []
-        for place, (which, matrix) in enumerate(zip(indices, placed, strict=True)):
+        for place, (which, matrix) in enumerate(zip(indices, placement.matrices, strict=True)):
             own = f"{name}[{place}]"
             instance = FrameNode(own, node, matrix, visible=bool(mask[place]), body=True)
             instance.instance = len(self._graph.instances)
@@ -225,9 +234,9 @@ class StageReader:
             self._graph.instances.append(own)
             nodes.append((len(self._graph.nodes), instance))
             self._graph.nodes.append(instance)
-            prototype = self._stage.GetPrimAtPath(targets[which])
+            prototype = self._stage.GetPrimAtPath(placement.targets[which])
             if not prototype or not prototype.IsActive():
-                self._collector.warn("is a prototype that does not exist", str(targets[which]))
+                self._collector.warn("is a prototype that does not exist", str(placement.targets[which]))
                 continue
             self._materials.inherited = {
                 **above,
@@ -235,87 +244,32 @@ class StageReader:
             }
             self._walk(prototype, nodes[-1][0], f"{own}/{prototype.GetName()}", purpose, (*instancers, path), rest=True)
         self._materials.inherited = above
-        attributes = (
-            instancer.GetProtoIndicesAttr(),
-            instancer.GetPositionsAttr(),
-            instancer.GetOrientationsAttr(),
-            instancer.GetPrim().GetAttribute("orientationsf"),
-            instancer.GetScalesAttr(),
-            instancer.GetInvisibleIdsAttr(),
-        )
-        roots = [UsdGeom.Xformable(self._stage.GetPrimAtPath(target)) for target in targets]
-        if any(attribute and attribute.ValueMightBeTimeVarying() for attribute in attributes) or any(
-            root and root.TransformMightBeTimeVarying() for root in roots
-        ):
+        if placement.moves:
             for _, instance in nodes:
                 instance.moves = True
 
             def update(time: Usd.TimeCode) -> None:
-                matrices = self._instance_matrices(instancer, indices, time)
+                matrices = self._instancers.matrices(instancer, indices, time)
                 if matrices is None:
                     self._collector.warn("changes its number of instances with time, which stays as it was", name)
                     return
-                if list(instancer.GetProtoIndicesAttr().Get(time) or []) != list(indices):
+                if not np.array_equal(self._attributes.get(instancer.GetPrim(), "protoIndices", time), indices):
                     self._collector.warn("changes its prototypes with time, and keeps those it had at first", name)
-                shown = instancer.ComputeMaskAtTime(time) or [True] * len(nodes)
+                shown = self._instancers.shown(instancer, len(nodes), time)
                 for (_, instance), matrix, visible in zip(nodes, matrices, shown, strict=True):
                     instance.local, instance.visible = matrix, bool(visible)
 
             self._updates.append(update)
 
-    def _instance_colors(self, instancer: UsdGeom.PointInstancer, count: int) -> dict[str, np.ndarray]:
-        """Display colours and opacities of instances, (count or 1, channels), as far as there are some."""
-        found = {}
-        for name, channels in (("displayColor", 3), ("displayOpacity", 1)):
-            primvar = UsdGeom.PrimvarsAPI(instancer).FindPrimvarWithInheritance(name)
-            values = primvar.ComputeFlattened(self._time) if primvar and primvar.HasValue() else None
-            if values is not None and len(values):
-                if len(values) in (1, count):
-                    found[name] = np.asarray(values, np.float64).reshape(-1, channels)
-                else:
-                    self._collector.warn(f"has {name} of another number than its instances", str(instancer.GetPath()))
-        return found
-
-    def _instance_matrices(
-        self, instancer: UsdGeom.PointInstancer, indices: np.ndarray, time: Usd.TimeCode
-    ) -> np.ndarray | None:
-        """Return each instance's matrix, (instance, 4, 4), in the instancer's frame; None if they differ.
-
-        It includes the prototype's own matrix.
-
-        USD's own function leaves quaternions of half precision as long as they are, which is a stretch.
-        """
-        positions = np.array(instancer.GetPositionsAttr().Get(time) or [], np.float64).reshape(-1, 3)
-        count = len(indices)
-        turns = instancer.GetPrim().GetAttribute("orientationsf")
-        given = (turns.Get(time) if turns else None) or instancer.GetOrientationsAttr().Get(time) or []
-        quaternions = np.array([(q.GetReal(), *q.GetImaginary()) for q in given] or [(1.0, 0.0, 0.0, 0.0)] * count)
-        scales = np.array(instancer.GetScalesAttr().Get(time) or np.ones((count, 3)), np.float64)
-        if len(positions) != count or len(quaternions) != count or len(scales) != count:
-            return None
-        matrices = np.tile(np.eye(4), (count, 1, 1))
-        matrices[:, :3, :3] = rotation_matrices(quaternions.reshape(-1, 4)) * scales[:, None, :]
-        matrices[:, :3, 3] = positions
-        own = [np.eye(4)]
-        for target in instancer.GetPrototypesRel().GetForwardedTargets():
-            root = UsdGeom.Xformable(self._stage.GetPrimAtPath(target))
-            own.append(_matrix(root.GetLocalTransformation(time)) if root else np.eye(4))
-        return matrices @ np.array(own[1:])[indices]
-
-
-def _matrix(matrix: Any) -> np.ndarray:
-    """Column vectors instead of USD's rows."""
-    return np.array(matrix, np.float64).T
-
-
-def _labels(prim: Usd.Prim) -> tuple[str, ...]:
-    """Semantic labels of a prim's own: UsdSemantics', or those of Omniverse's older schema."""
-    labels: list[str] = []
-    first = Usd.TimeCode.EarliestTime()
-    for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim):
-        labels += [str(label) for label in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get(first) or []]
-    for attribute in prim.GetAuthoredPropertiesInNamespace("semantic"):
-        if attribute.GetName().endswith(":params:semanticData") and isinstance(attribute, Usd.Attribute):
-            label = attribute.Get(first)
-            labels += [] if label is None else [str(label)]
-    return tuple(labels)
+    def _labels(self, prim: Usd.Prim) -> tuple[str, ...]:
+        """Semantic labels of a prim's own: UsdSemantics', or those of Omniverse's older schema."""
+        labels: list[str] = []
+        types = Sdf.ValueTypeNames
+        for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim):
+            labels += self._attributes.get(prim, f"semantics:labels:{taxonomy}", expected=types.TokenArray) or ()
+        for attribute in prim.GetAuthoredPropertiesInNamespace("semantic"):
+            name = str(attribute.GetName())
+            if name.endswith(":params:semanticData"):
+                label = self._attributes.get(prim, name, expected=types.String)
+                labels += [] if label is None else [label]
+        return tuple(labels)

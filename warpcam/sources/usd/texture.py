@@ -7,9 +7,12 @@ import numpy as np
 from pxr import Ar, Sdf, Usd, UsdShade
 
 from warpcam.sources.common.images import UnreadableError
-from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.usd.attributes import FIRST
+from warpcam.sources.usd.inputs import InputReader
 
-WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black"}  # all else repeats
+WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black", "repeat": "repeat", "useMetadata": "repeat"}
+CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
+SPACES = ("auto", "raw", "sRGB")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,35 +31,35 @@ class TextureInput:
     fallback: np.ndarray
 
 
-def texture_input(shader: UsdShade.Shader, channel: str, collector: WarningCollector) -> TextureInput:
+def texture_input(shader: UsdShade.Shader, channel: str, inputs: InputReader) -> TextureInput:
     file = shader.GetInput("file")
-    attribute = next(iter(UsdShade.Utils.GetValueProducingAttributes(file)), None) if file else None
-    asset = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    attribute = next(iter(inputs.producing(file)), None) if file else None
+    asset = inputs.attributes.value(attribute, FIRST) if attribute else None
+    if asset is not None and not isinstance(asset, Sdf.AssetPath):
+        inputs.refuse(file, "that is no asset")
     uv, turn = "", None
     st = shader.GetInput("st")
-    for source in UsdShade.Utils.GetValueProducingAttributes(st) if st else ():
+    for source in inputs.producing(st) if st else ():
         reader = UsdShade.Shader(source.GetPrim())
         if reader and reader.GetShaderId() == "UsdTransform2d":
-            turn = _uv_turn(reader, collector)
+            turn = _uv_turn(reader, inputs)
             inner = reader.GetInput("in")
-            producing = UsdShade.Utils.GetValueProducingAttributes(inner) if inner else []
+            producing = inputs.producing(inner) if inner else []
             reader = UsdShade.Shader(producing[0].GetPrim()) if producing else None
         if reader and str(reader.GetShaderId() or "").startswith("UsdPrimvarReader"):
-            uv = str(input_value(reader, "varname", ""))
+            uv = inputs.text(reader, "varname")
+    wrap = [WRAPS[inputs.text(shader, name, "repeat", tuple(WRAPS))] for name in ("wrapS", "wrapT")]
     return TextureInput(
         asset=asset if isinstance(asset, Sdf.AssetPath) else Sdf.AssetPath(""),
         layer=_layer_of(attribute),
         channel=channel,
-        color_space=str(input_value(shader, "sourceColorSpace", "auto")),
-        wrap=(
-            WRAPS.get(str(input_value(shader, "wrapS", "")), "repeat"),
-            WRAPS.get(str(input_value(shader, "wrapT", "")), "repeat"),
-        ),
+        color_space=inputs.text(shader, "sourceColorSpace", "auto", SPACES),
+        wrap=(wrap[0], wrap[1]),
         uv=uv,
         uv_turn=turn,
-        scale=_numbers(shader, "scale", (1.0, 1.0, 1.0, 1.0), collector),
-        bias=_numbers(shader, "bias", (0.0, 0.0, 0.0, 0.0), collector),
-        fallback=_numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0), collector),
+        scale=inputs.numbers(shader, "scale", (1.0, 1.0, 1.0, 1.0)),
+        bias=inputs.numbers(shader, "bias", (0.0, 0.0, 0.0, 0.0)),
+        fallback=inputs.numbers(shader, "fallback", (0.0, 0.0, 0.0, 1.0)),
     )
 
 
@@ -104,42 +107,14 @@ def file_bytes(path: str) -> bytes:
     return bytes(buffer)
 
 
-def input_value(shader: UsdShade.Shader, name: str, default: Any) -> Any:
-    given = shader.GetInput(name)
-    attributes = UsdShade.Utils.GetValueProducingAttributes(given) if given else []
-    value = attributes[0].Get(Usd.TimeCode.EarliestTime()) if attributes else None
-    return default if value is None else value
-
-
-def is_numbers(value: Any, count: int) -> bool:
-    """Return whether the value is a sequence of ``count`` finite numbers."""
-    try:
-        array = np.array(value, np.float64)
-    except (TypeError, ValueError):
-        return False
-    return array.size == count and bool(np.isfinite(array).all())
-
-
-def count_of(count: int) -> str:
-    return f"{count} finite numbers" if count > 1 else "a finite number"
-
-
-def _numbers(shader: UsdShade.Shader, name: str, default: tuple[float, ...], collector: WarningCollector) -> np.ndarray:
-    value = input_value(shader, name, default)
-    if not is_numbers(value, len(default)):
-        collector.warn(f"has {name} that is not {count_of(len(default))}, and is left out", str(shader.GetPath()))
-        value = default
-    return np.array(value, np.float64).reshape(len(default))
-
-
 def _layer_of(attribute: Usd.Attribute | None) -> str:
     specs = attribute.GetPropertyStack(Usd.TimeCode.Default()) if attribute else []
     return specs[0].layer.identifier if specs else ""
 
 
-def _uv_turn(shader: UsdShade.Shader, collector: WarningCollector) -> np.ndarray:
+def _uv_turn(shader: UsdShade.Shader, inputs: InputReader) -> np.ndarray:
     """UsdTransform2d: scale, then turn, then shift; (2, 3)."""
-    angle = np.radians(_numbers(shader, "rotation", (0.0,), collector)[0])
-    scale, shift = (_numbers(shader, n, d, collector) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
+    angle = np.radians(inputs.number(shader, "rotation", 0.0))
+    scale, shift = (inputs.numbers(shader, n, d) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
     c, s = np.cos(angle), np.sin(angle)
     return np.array(((c * scale[0], -s * scale[1], shift[0]), (s * scale[0], c * scale[1], shift[1])))

@@ -113,7 +113,7 @@ class AssetCalls:
                 came = {"group": group, "filter": filter}[argument]
                 raise WarpcamError(f"create_actor: {argument} must be a whole number, at least -1, got {came!r}")
         called = asset.name if name is None else name
-        actor = Actor(env, asset, pose, called, int(group), int(filter), int(segmentationId))
+        actor = Actor(env, asset, pose, name=called, group=int(group), filter=int(filter), segment=int(segmentationId))
         env.add(actor)
         return actor.handle
 

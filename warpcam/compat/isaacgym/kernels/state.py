@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 
 wp.set_module_options(compiler_flags())
 
@@ -164,8 +165,8 @@ def place_cameras(
 @wp.func
 def place_of(addresses: wp.array(dtype=wp.uint64), pixels: wp.int32, index: wp.int32):
     """World and pixel of a thread, and the address of the world's image."""
-    world = index // pixels
-    return world, index - world * pixels, addresses[world]
+    world, pixel = row_and_column(index, pixels)
+    return world, pixel, addresses[world]
 
 
 @wp.kernel(enable_backward=False)

@@ -75,13 +75,13 @@ class Actor:
         self.sensors = tuple(asset.sensors)
         builder = asset.builder
         self.counts = Counts(
-            1,
-            len(asset.bodies),
-            builder.shape_count,
-            len(asset.dofs),
-            builder.joint_count,
-            builder.joint_coord_count,
-            builder.joint_dof_count,
+            actors=1,
+            bodies=len(asset.bodies),
+            shapes=builder.shape_count,
+            dofs=len(asset.dofs),
+            joints=builder.joint_count,
+            coordinates=builder.joint_coord_count,
+            speeds=builder.joint_dof_count,
         )
         self.reset_looks(np.arange(builder.shape_count))
 

@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
@@ -43,10 +44,7 @@ def impedance_at(limits: TendonLimits, entry: wp.int32, beyond: wp.float32) -> w
 
 @wp.kernel(enable_backward=False)
 def write_limit_impedance(limits: TendonLimits, colors: wp.array2d(dtype=wp.vec4), first: wp.int32):
-    index = first + wp.tid()
-    width = limits.columns.shape[0]
-    world = index // width
-    entry = index - world * width
+    world, entry = row_and_column(first + wp.tid(), limits.columns.shape[0])
     length = limits.lengths[world, limits.paths[entry]]
     span = limits.ranges[entry]
     hold = wp.float32(0.0)

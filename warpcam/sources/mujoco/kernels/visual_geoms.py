@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import SPHERE
 from warpcam.sources.mujoco.kernels.catenary import hanging_point
@@ -200,10 +201,7 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
 
     @wp.kernel(module="unique", enable_backward=False, module_options=compiler_flags())
     def write_table(live: VisualGeomTable, out: ShapeTable, first: wp.int32):
-        index = first + wp.tid()
-        width = live.what.shape[0]
-        world = index // width
-        entry = index - world * width
+        world, entry = row_and_column(first + wp.tid(), live.what.shape[0])
         what = live.what[entry]
         kind = what[0]
         column = what[1]
@@ -255,7 +253,8 @@ def kernel_of(kinds: frozenset[int]) -> wp.Kernel:
                 upright = along / length
             out.positions[world, column] = 0.5 * (line.start + line.end)
             out.rotations[world, column] = turn_to(upright)
-            out.sizes[world, column] = wp.vec3(line.radius, 0.5 * length, wp.where(kind == EDGE, -1.0, 0.0))
+            half = wp.where(line.radius > 0.0, 0.5 * length, 1.0)  # zeros alone would be a fault of the world
+            out.sizes[world, column] = wp.vec3(line.radius, half, wp.where(kind == EDGE, -1.0, 0.0))
 
     return write_table
 

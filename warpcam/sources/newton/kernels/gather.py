@@ -3,6 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.types import PLANE
 
@@ -29,7 +30,7 @@ class FlatShapes:
     face_colors: wp.array(dtype=wp.vec3)  # (triangle,) display colour of soft surfaces; may be empty: white
     face_opacities: wp.array(dtype=wp.float32)  # (triangle,) may be empty: 1
     points: wp.array(dtype=wp.vec3)  # (particle,) world frame [m]
-    radii: wp.array(dtype=wp.float32)  # (particle,) [m]
+    radii: wp.array(dtype=wp.float32)  # (particle,) [m]; 0 hides the particle
     point_flags: wp.array(dtype=wp.int32)  # (particle,) without ACTIVE the particle is hidden
 
 
@@ -57,15 +58,23 @@ class WorldShapes:
     body_rotations: wp.array2d(dtype=wp.mat33)
 
 
+@wp.func
+def rotation_in(pose: wp.transform) -> wp.mat33:
+    """Rotation matrix of a pose; zeros for a quaternion of zeros, which makes no image."""
+    turn = wp.transform_get_rotation(pose)
+    rotation = wp.quat_to_matrix(turn)
+    if wp.length_sq(turn) == 0.0:
+        rotation = wp.mat33()
+    return rotation
+
+
 @wp.kernel(enable_backward=False)
 def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
-    index = first + wp.tid()
     shapes = out.ids.shape[1]
     soft = shapes + out.faces.shape[1]
     columns = soft + out.particles.shape[1]
     width = columns + out.bodies.shape[1]
-    world = index // width
-    column = index - world * width
+    world, column = row_and_column(first + wp.tid(), width)
     if column >= columns:
         place = column - columns
         body = out.bodies[world, place]
@@ -74,7 +83,7 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         if body >= 0:
             pose = flat.body_transforms[body]
             position = wp.transform_get_translation(pose)
-            rotation = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+            rotation = rotation_in(pose)
         out.body_positions[world, place] = position
         out.body_rotations[world, place] = rotation
         return
@@ -84,8 +93,9 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
         shown = wp.float32(0.0)
         if particle >= 0:
             out.positions[world, column] = flat.points[particle]
-            out.sizes[world, column] = wp.vec3(flat.radii[particle], 0.0, 0.0)
-            if (flat.point_flags[particle] & ACTIVE) != 0:
+            radius = flat.radii[particle]
+            out.sizes[world, column] = wp.vec3(radius, 0.0, 0.0)
+            if (flat.point_flags[particle] & ACTIVE) != 0 and radius > 0.0:
                 shown = 1.0
         out.rotations[world, column] = wp.identity(n=3, dtype=wp.float32)
         out.colors[world, column] = wp.vec4(1.0, 1.0, 1.0, shown)
@@ -129,7 +139,7 @@ def write_worlds(flat: FlatShapes, out: WorldShapes, first: wp.int32):
             opacity = 0.0
     color = flat.colors[shape]
     out.positions[world, column] = wp.transform_get_translation(pose)
-    out.rotations[world, column] = wp.quat_to_matrix(wp.transform_get_rotation(pose))
+    out.rotations[world, column] = rotation_in(pose)
     out.sizes[world, column] = size
     out.colors[world, column] = wp.vec4(color[0], color[1], color[2], opacity)
 

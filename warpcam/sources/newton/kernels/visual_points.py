@@ -3,6 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
@@ -15,10 +16,7 @@ def copy_visual_points(
     vertices: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    index = first + wp.tid()
-    width = vertices.shape[1]
-    mesh = index // width
-    vertex = index - mesh * width
+    mesh, vertex = row_and_column(first + wp.tid(), vertices.shape[1])
     vertices[mesh, vertex] = points[starts[mesh] + vertex]
 
 
