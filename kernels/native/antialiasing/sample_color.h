@@ -77,7 +77,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
         unsigned apart = unlike(colour(best_at)), order = Neighborhood3x3::order(sample);
         const int type = record.axis_x.w;
-        const bool is_face = type == MESH && face >= 0, is_sided = (Types::GEOMETRY & TYPES_WITH_FACES) >> type & 1;
+        const bool is_face = type == MESH && face >= 0, is_sided = (Types::GEOMETRY & TYPES_WITH_PARTS) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
