@@ -145,11 +145,12 @@ WARPCAM_DEVICE int height_field_part(const ShapeRecord& record, Vec3 p)
 }
 
 // Smooth part that a shape shows at a depth of a ray: a box's side, a cylinder's side or end, a height field's part.
-template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
+template <class Types, int LENS>
+WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
 {
     const Ray local = ray.local(record);
     const Vec3 p = local.origin + depth * local.direction;
-    if (record.axis_x.w == HEIGHT_FIELD)
+    if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD)
         return height_field_part(record, p);
     int face = 0;
     visit_known_shape<TYPES_WITH_FACES>(record.axis_x.w, [&](auto shape) { face = shape.face_at(p); });
@@ -175,14 +176,14 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
     Vec3 normal { 0.0f, 0.0f, 0.0f };
     if (is_face)
         normal = face_normal(meshes, rows, face);
-    const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
+    const int part = is_sided ? part_at<Types, LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
     const auto normal_cost = [&](int column, int row, unsigned pixel) {
         if (is_face)
             return NORMAL_WEIGHT
                    * (1.0f
                       - dot(normal, face_normal(meshes, rows,
                                                 int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
-        return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
+        return !is_sided || part_at<Types, LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
                    ? 0.0f
                    : NORMAL_WEIGHT;
     };
