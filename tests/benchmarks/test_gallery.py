@@ -41,6 +41,14 @@ def test_what_is_kept_keeps_to_what_is_wanted() -> None:
     assert summary["mujoco_warp"]["shots"] >= 30
 
 
+def test_crowded_scenes_are_as_near_as_the_judges_own_finer_pictures() -> None:
+    crowded = json.loads(RESULTS.read_text())["crowded"]
+    ours, finer = crowded[fidelity.OURS], crowded[fidelity.JUDGE_FINER]
+    assert ours["shots"] == finer["shots"] == len(crowded_scenes.SCENES)
+    assert ours["least_psnr"] > 30.0 and ours["least_psnr"] > finer["least_psnr"]
+    assert ours["mean_flip"] < 0.035
+
+
 def test_likeness() -> None:
     black, grey = np.zeros((32, 32, 3), np.uint8), np.full((32, 32, 3), 51, np.uint8)
     assert image_metrics.psnr(black, black) == image_metrics.BEST
