@@ -35,6 +35,7 @@ class Case:
         newton: warpcam looks at it through `from_newton`, as at the model that Newton's own camera sees.
         cloth: What hangs in each world; only Newton has it.
         flexes: MuJoCo's flexes are drawn, too; what Newton makes of them is another thing.
+        keyframe: Bodies move around the model's first keyframe, if it has one, not around its reference pose.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Case:
     newton: bool = False
     cloth: Cloth | None = None
     flexes: bool = False
+    keyframe: bool = False
 
     def seen_by(self, renderer: str) -> bool:
         return renderer in ("warpcam", "newton") if self.newton else not (self.flexes and renderer == "newton")
@@ -138,9 +140,14 @@ SETTINGS = {
     for setting in (
         Setting("8192x64", 8192, 64, 64),
         Setting("4096x64", 4096, 64, 64),
+        Setting("1024x64", 1024, 64, 64),
         Setting("1024x128", 1024, 128, 128),
         Setting("1024x256", 1024, 256, 256),
         Setting("1x640x480", 1, 640, 480),
+        Setting("16x640x480", 16, 640, 480),
+        Setting("4x1280x720", 4, 1280, 720),
+        Setting("1x1920x1080", 1, 1920, 1080),
+        Setting("16x1920x1080", 16, 1920, 1080),
         Setting("cpu", None, 64, 64),
     )
 }

@@ -12,6 +12,7 @@ import torch
 import warp as wp
 
 GPU_BUDGET = 0.25  # seconds of replays, at least MIN_FRAMES of them
+LONG = 2.0  # seconds that MIN_FRAMES may take; of longer frames there are fewer, but one in each set of poses
 CPU_BUDGET = 10.0  # seconds of calls, at least MIN_CALLS and at most MAX_CALLS of them
 MIN_FRAMES, MAX_FRAMES = 12, 200
 MIN_CALLS, MAX_CALLS = 3, 30
@@ -70,16 +71,21 @@ def covered(spans: Iterable[tuple[float, float]]) -> float:
 
 
 def time_frames(
-    frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device, frames: int | None
+    frame: Callable[[], None],
+    place: Callable[[int], None],
+    sets: int,
+    device: wp.Device,
+    frames: int | None,
+    on_host: bool = False,
 ) -> dict[str, Any]:
     """Milliseconds a frame takes after `place` has moved all worlds to the next of `sets` poses.
 
-    On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU they are
-    plain calls; there ``cpu`` is the median of what processors spend on one, all threads together, which other work on
-    the machine hardly changes.
+    On a GPU both are CUDA graphs, replayed in turn; only the frame lies between the two events. On a CPU, and where
+    frames are work `on_host`, they are plain calls; there ``cpu`` is the median of what processors spend on one, all
+    threads together, which other work on the machine hardly changes.
     """
     spent: dict[str, float] = {}
-    if device.is_cuda:
+    if device.is_cuda and not on_host:
         times = time_graphs(frame, place, sets, device, frames)
     else:
         times, processors = time_calls(frame, place, sets, frames)
@@ -133,11 +139,17 @@ def time_graphs(
         return [wp.get_event_elapsed_time(before, after, synchronize=False) for before, after in events]
 
     guess = replay(2)[-1]  # the first replay of a graph is slower
-    count = frames or int(np.clip(1e3 * GPU_BUDGET / max(guess, 1e-3), MIN_FRAMES, MAX_FRAMES))
+    count = frames or frame_count(guess, sets)
     times: list[float] = []
     while len(times) < count:
         times += replay(min(QUEUED, count - len(times)))
     return times
+
+
+def frame_count(guess: float, sets: int) -> int:
+    """How many frames of so many milliseconds are timed on a GPU."""
+    fits = 1e3 * GPU_BUDGET / max(guess, 1e-3)
+    return int(np.clip(fits, np.clip(1e3 * LONG / max(guess, 1e-3), sets, MIN_FRAMES), MAX_FRAMES))
 
 
 def captured(work: Callable[[], None], device: wp.Device) -> wp.Graph:

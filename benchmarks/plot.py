@@ -14,7 +14,7 @@ from warpcam.benchmarks.report import OURS, Report, Row
 from warpcam.core.errors import WarpcamError
 
 COLORS = ("#2b6cb0", "#dd8452", "#55a868", "#8172b3", "#937860", "#c44e52", "#64b5cd")
-MARKS = {"warpcam": "o-", "mujoco_warp": "s--", "newton": "^--", "mujoco_warp_pbr": "v--"}
+MARKS = {"warpcam": "o-", "mujoco_warp": "s--", "newton": "^--", "mujoco_warp_pbr": "v--", "mujoco": "d--"}
 
 
 def draw(report: Report, path: Path) -> None:

@@ -35,7 +35,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         for index in range(POSE_SETS):
-            self.d.qpos.assign(random_positions(self.mjm, self.worlds, self.case.scatter, seed=index))
+            self.d.qpos.assign(self.positions(index))
             mjw.kinematics(self.m, self.d)
             mjw.com_pos(self.m, self.d)
             mjw.camlight(self.m, self.d)
@@ -44,11 +44,20 @@ class Problem:
         self.place(0)
         wp.synchronize_device(self.d.qpos.device)
 
+    def positions(self, index: int) -> np.ndarray:
+        """Joint positions of all worlds in one set of poses, (world, nq) float32."""
+        start = self.mjm.key_qpos[0] if self.case.keyframe and self.mjm.nkey else self.mjm.qpos0
+        return random_positions(self.mjm, start, self.worlds, self.case.scatter, seed=index)
+
     def place(self, index: int) -> None:
         """Put every world into its pose of this set: copies from device to device, which a graph can hold."""
         for name, array in self.poses[index].items():
             if array.size:
                 wp.copy(getattr(self.d, name), array)
+
+    def resize(self, width: int, height: int) -> None:
+        """Take another size of images [pixels], which renderers heed when they are prepared next."""
+        self.width, self.height = width, height
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -122,17 +131,19 @@ def build(case: Case, worlds: int, width: int, height: int) -> Problem:
         raise WarpcamError(f"bench: {case.name} has no camera {', '.join(sorted(missing))}")
     m = mjw.put_model(mjm)
     # Nothing is simulated: room for contacts and constraints would only take memory.
-    d = mjw.make_data(mjm, nworld=worlds, naconmax=1, naccdmax=1, njmax=1)
+    d = mjw.make_data(mjm, nworld=worlds, naconmax=1, naccdmax=1, njmax=1, njmax_nnz=1)
     return Problem(case, mjm, m, d, worlds, width, height)
 
 
-def random_positions(mjm: mujoco.MjModel, worlds: int, scatter: tuple[float, float], seed: int) -> np.ndarray:
-    """Joint positions (world, nq) float32 around `qpos0`.
+def random_positions(
+    mjm: mujoco.MjModel, around: np.ndarray, worlds: int, scatter: tuple[float, float], seed: int
+) -> np.ndarray:
+    """Joint positions (world, nq) float32 around others, (nq,).
 
     Joints with a range move over half of it, others by 0.5 rad or 5 cm; free bodies by `scatter`.
     """
     random = np.random.default_rng(seed)
-    qpos = np.tile(mjm.qpos0.astype(np.float32), (worlds, 1))
+    qpos = np.tile(around.astype(np.float32), (worlds, 1))
     for joint in range(mjm.njnt):
         start, kind = mjm.jnt_qposadr[joint], mjm.jnt_type[joint]
         if kind == mujoco.mjtJoint.mjJNT_FREE:

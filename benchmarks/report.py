@@ -1,7 +1,8 @@
 """Results: how they are kept as JSON, brought together from several runs, and shown as a table.
 
-A report is {"format": 1, "kind": "cases" | "sweep" | "host" | "gpus", "runs": [...], "results": [...]}: a run says with
-what command, when and on what it was measured, a result is one renderer on one problem with one set of outputs.
+A report is {"format": 1, "kind": "cases" | "suite" | "sweep" | "host" | "gpus", "runs": [...], "results": [...]}: a run
+says with what command, when and on what it was measured, a result is one renderer on one problem with one set of
+outputs.
 """
 
 import datetime
@@ -45,10 +46,13 @@ def arguments(argv: Sequence[str]) -> list[str]:
 
 
 def write(report: Report, path: Path) -> None:
+    """Write a report in one piece: whoever ends the run meanwhile finds the one before."""
     rank(report["results"])
+    new = path.with_name(f"{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(report, indent=1) + "\n")
+        new.write_text(json.dumps(report, indent=1) + "\n")
+        new.replace(path)
     except OSError as error:
         raise WarpcamError(f"--out: {str(path)!r} cannot be written: {error.strerror}") from None
 
@@ -57,12 +61,7 @@ def merge(paths: Iterable[Path]) -> Report:
     """One report of several of a kind; where two have measured the same, the one named later counts."""
     merged: Report = {}
     for path in paths:
-        try:
-            report = json.loads(path.read_text())
-        except (OSError, ValueError) as error:
-            raise WarpcamError(f"--merge: {str(path)!r} cannot be read: {error}") from None
-        if not isinstance(report, dict) or report.get("format") != FORMAT:
-            raise WarpcamError(f"--merge: {str(path)!r} is not a report of this suite")
+        report = read("--merge", path)
         if not merged:
             merged = report
             continue
@@ -70,10 +69,37 @@ def merge(paths: Iterable[Path]) -> Report:
             raise WarpcamError(f"--merge: {str(path)!r} is of kind {report['kind']}, those before of {merged['kind']}")
         merged["runs"] += report["runs"]
         merged["results"] += report["results"]
-    latest = {(problem(row), row["renderer"]): row for row in merged["results"]}
+    latest = {key(row): row for row in merged["results"]}
     merged["results"] = list(latest.values())
     rank(merged["results"])
     return merged
+
+
+def read(option: str, path: Path) -> Report:
+    try:
+        report: Report = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise WarpcamError(f"{option}: {str(path)!r} cannot be read: {error}") from None
+    if not isinstance(report, dict) or report.get("format") != FORMAT:
+        raise WarpcamError(f"{option}: {str(path)!r} is not a report of this suite")
+    return report
+
+
+def continued(path: Path, report: Report) -> Report:
+    """Return the report at a path as one that a run goes on with: without what failed, which is tried again."""
+    earlier = read("--resume", path)
+    if earlier["kind"] != report["kind"]:
+        raise WarpcamError(f"--resume: {str(path)!r} is of kind {earlier['kind']}, this run of {report['kind']}")
+    results = [row for row in earlier["results"] if "error" not in row]
+    return {**report, "runs": earlier["runs"] + report["runs"], "results": results}
+
+
+def measured(report: Report) -> set[tuple[Any, ...]]:
+    return {key(row) for row in report["results"] if "error" not in row}
+
+
+def key(row: Row) -> tuple[Any, ...]:
+    return (*problem(row), row["renderer"])
 
 
 def problem(row: Row) -> tuple[Any, ...]:
@@ -81,19 +107,33 @@ def problem(row: Row) -> tuple[Any, ...]:
 
 
 def rank(rows: list[Row]) -> None:
-    """Say how many times longer the peers took, the best of them, and what one more output costs."""
-    timed = [row for row in rows if "median" in row.get("ms", ())]
-    for ours in (row for row in timed if row["renderer"] == OURS):
-        peers = [row for row in timed if row["renderer"] != OURS and problem(row) == problem(ours)]
-        for row in peers:
-            row["times_warpcam"] = row["ms"]["median"] / ours["ms"]["median"]
-        if peers:
-            best = min(peers, key=lambda row: row["ms"]["median"])
-            ours["best_peer"] = {"renderer": best["renderer"], "ratio": best["times_warpcam"]}
-        base, key = without_more(ours["outputs"])
-        for row in timed:
-            if row["renderer"] == OURS and problem(row) == problem({**ours, "outputs": base}):
-                ours[key] = ours["ms"]["median"] / row["ms"]["median"]
+    """Say how many times longer the peers took, the best of them, which failed, and what one more output costs."""
+    problems = by_problem(rows)
+    for same in problems.values():
+        timed = [row for row in same if "median" in row.get("ms", ())]
+        peers = [row for row in timed if row["renderer"] != OURS]
+        failed = [row["renderer"] for row in same if "error" in row and row["renderer"] != OURS]
+        for ours in (row for row in timed if row["renderer"] == OURS):
+            for row in peers:
+                row["times_warpcam"] = row["ms"]["median"] / ours["ms"]["median"]
+            for name in ("best_peer", "failed_peers"):
+                ours.pop(name, None)
+            if peers:
+                best = min(peers, key=lambda row: row["ms"]["median"])
+                ours["best_peer"] = {"renderer": best["renderer"], "ratio": best["times_warpcam"]}
+            if failed:
+                ours["failed_peers"] = failed
+            base, name = without_more(ours["outputs"])
+            for row in problems.get(problem({**ours, "outputs": base}), ()):
+                if row["renderer"] == OURS and "median" in row.get("ms", ()):
+                    ours[name] = ours["ms"]["median"] / row["ms"]["median"]
+
+
+def by_problem(rows: list[Row]) -> dict[tuple[Any, ...], list[Row]]:
+    problems: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        problems.setdefault(problem(row), []).append(row)
+    return problems
 
 
 def without_more(outputs: str) -> tuple[str | None, str]:
@@ -114,10 +154,7 @@ def show(report: Report) -> None:
     columns = ["case", "worlds", "size", "outputs", "renderer", "ms", "p10 - p90", "G rays/s", "ratio", "ids", "depth"]
     columns += ["rgb", "PSNR", "set-up + first (s)", "of it kernels", "peak MB"]
     table = Table(*columns, box=box.HORIZONTALS, header_style="bold")
-    problems: dict[tuple[Any, ...], list[Row]] = {}
-    for row in report["results"]:
-        problems.setdefault(problem(row), []).append(row)
-    for rows in problems.values():
+    for rows in by_problem(report["results"]).values():
         for row in rows:
             table.add_row(*cells(row))
         table.add_section()
@@ -129,6 +166,10 @@ def show(report: Report) -> None:
         "PSNR in dB.",
         style="dim",
     )
+    show_failures(screen, report)
+
+
+def show_failures(screen: Console, report: Report) -> None:
     for row in report["results"]:
         if "error" in row:
             line = row["error"].strip().splitlines()[-1]

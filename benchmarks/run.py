@@ -2,10 +2,13 @@
 
 import argparse
 import contextlib
+import functools
 import importlib.util
+import math
 import os
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def show(report: dict[str, Any]) -> None:
-    from warpcam.benchmarks import gpus, host
+    from warpcam.benchmarks import distribution, gpus, host
     from warpcam.benchmarks import report as reports
 
-    {"host": host.show, "gpus": gpus.show}.get(report["kind"], reports.show)(report)
+    {"host": host.show, "gpus": gpus.show, "suite": distribution.show}.get(report["kind"], reports.show)(report)
 
 
 def need(*packages: str, hint: str | None = None) -> None:
@@ -80,7 +83,7 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
         os.environ["WARPCAM_CPU_THREADS"] = str(cases.positive("--threads", options.threads))
     import warp as wp
 
-    from warpcam.benchmarks import host, measure, peers, runner, sweeps
+    from warpcam.benchmarks import host, tasks
     from warpcam.benchmarks import report as reports
     from warpcam.core.device import resolve
 
@@ -90,106 +93,85 @@ def measured_here(options: argparse.Namespace) -> dict[str, Any]:
     if options.host:
         report = reports.new("host", device)
         with wp.ScopedDevice(device):
-            host.measure(chosen("--case", options.case or ["humanoid", "yam"], all_cases()), device, report)
+            host.measure(tasks.chosen("--case", options.case or ["humanoid", "yam"], cases.CASES), device, report)
         reports.write(report, out)
         return report
 
     if options.gpus:
         return measured_on_every_gpu(options, device, out)
 
+    return measured_in_turn(options, device, out)
+
+
+def measured_in_turn(options: argparse.Namespace, device: Any, out: Path) -> dict[str, Any]:
+    """Measure one after another until all is there, or until the time is up."""
+    from warpcam.benchmarks import cases, measure, peers, runner, tasks
+    from warpcam.benchmarks import report as reports
+
+    kind = "sweep" if options.sweep else "suite" if options.suite else "cases"
     timing = "CUDA graph replays between events" if device.is_cuda else "plain calls"
     threads = None if device.is_cuda else os.environ.get("WARPCAM_CPU_THREADS", "all")
-    report = reports.new(
-        "sweep" if options.sweep else "cases", device, timing=timing, warpcam_cpu_threads=threads, cold=options.cold
-    )
+    report = reports.new(kind, device, timing=timing, warpcam_cpu_threads=threads, cold=options.cold)
     default = ["warpcam"] if options.sweep else peers.installed()
-    asked = chosen("--peer", options.peer or default, {name: name for name in peers.PEERS})
+    asked = tasks.chosen("--peer", options.peer or default, {name: name for name in peers.PEERS})
     renderers = [name for name in peers.PEERS if name in asked]
     for name in renderers:
         need(name, hint=peers.INSTALL[name])
     if options.replays is not None:
         cases.positive("--replays", options.replays)
-    points = sweeps.points(options) if options.sweep else [(point, {}) for point in case_points(options, device)]
+    todo = tasks.tasks(options, device)
     screen = reports.console()
-    if lacking := left_out(options):
+    if lacking := tasks.left_out(options):
         report["runs"][0]["left_out"] = lacking
         for name, install in lacking.items():
             screen.print(f"left out: {name}, not installed; pip install {install}", style="yellow", markup=False)
+    for name in tasks.not_asked(todo, renderers):
+        limits = f"at most {peers.FEW_WORLDS} worlds of at least {peers.LARGE_PIXELS} pixels"
+        screen.print(f"left out: {name}, which is asked for {limits}", style="yellow", markup=False)
+    if options.resume and out.exists():
+        report = reports.continued(out, report)
+    known = reports.measured(report)
+    deadline = time.monotonic() + (math.inf if options.seconds is None else options.seconds)
+
+    def is_measured(marks: Mapping[str, Any], row: dict[str, Any]) -> bool:
+        return reports.key({**row, **marks}) in known
+
+    def rows() -> Iterator[dict[str, Any]]:
+        for task in todo:
+            for row in runner.measure_case(
+                task.case,
+                task.settings,
+                task.wanted,
+                renderers,
+                device,
+                options.replays,
+                functools.partial(is_measured, task.marks),
+            ):
+                yield {**row, **task.marks}
+
     with measure.on_one_stream(device):
-        for (case, setting, wanted), marks in points:
-            worlds, size = setting.worlds_of(case), (setting.width, setting.height)
-            marks = {"setting": setting.name, **marks}
-            for row in runner.measure_case(case, worlds, size, wanted, renderers, device, options.replays):
-                report["results"].append({**row, **marks})
-                reports.write(report, out)
-                took = f"{row['ms']['median']:.3f} ms" if "ms" in row else row["error"]
-                screen.print(f"{reports.name_of(row)}: {row['renderer']}: {took}", style="dim", markup=False)
+        for row in rows():
+            report["results"].append(row)
+            reports.write(report, out)
+            took = f"{row['ms']['median']:.3f} ms" if "ms" in row else row["error"]
+            screen.print(f"{reports.name_of(row)}: {row['renderer']}: {took}", style="dim", markup=False)
+            if time.monotonic() > deadline:
+                screen.print(f"stopped after {options.seconds:g} s; --resume measures the rest", style="yellow")
+                break
     print(f"written: {out}")
     return report
 
 
 def measured_on_every_gpu(options: argparse.Namespace, device: Any, out: Path) -> dict[str, Any]:
-    from warpcam.benchmarks import cases, gpus
+    from warpcam.benchmarks import cases, gpus, tasks
     from warpcam.benchmarks import report as reports
 
     for option, value in (("--worlds", options.worlds), ("--replays", options.replays)):
         if value is not None:
             cases.positive(option, value)
-    asked = chosen("--case", options.case or ["humanoid", "yam"], all_cases())
+    asked = tasks.chosen("--case", options.case or ["humanoid", "yam"], cases.CASES)
     report = reports.new("gpus", device, timing="render() in a loop, by the host's clock")
     for row in gpus.rows(asked, options.worlds, options.replays):
         report["results"].append(row)
         reports.write(report, out)
     return report
-
-
-def case_points(options: argparse.Namespace, device: Any) -> list[Any]:
-    """Return the points to measure: each case in each setting with all its sets of outputs."""
-    from warpcam.benchmarks import cases
-
-    settings = options.setting or ["8192x64" if device.is_cuda else "cpu"]
-    names: list[str] = []
-    for name in options.outputs or cases.COMMON:
-        names += cases.EXTRAS if name == "extras" else [name]
-    wanted = chosen("--outputs", names, cases.WANTED)
-    known = all_cases()
-    found = chosen("--case", options.case, known) if options.case else [c for c in known.values() if available(c)]
-    return [
-        (case, cases.resized(setting, options.worlds, options.size), wanted)
-        for setting in chosen("--setting", settings, cases.SETTINGS)
-        for case in found
-    ]
-
-
-def left_out(options: argparse.Namespace) -> dict[str, str]:
-    """Return the cases that a run leaves out for lack of packages, and the packages' names for pip."""
-    from warpcam.benchmarks import peers
-
-    lacking: dict[str, str] = {}
-    if options.sweep:
-        return lacking
-    if not options.peer:
-        lacking = {name: peers.INSTALL[name] for name in peers.PEERS if name not in peers.installed()}
-    if not options.case:
-        for case in all_cases().values():
-            if not available(case):
-                lacking[f"case {case.name}"] = "newton" if case.newton else str(case.package).replace("_", "-")
-    return lacking
-
-
-def all_cases() -> Mapping[str, Any]:
-    from warpcam.benchmarks import cases
-
-    return cases.CASES
-
-
-def available(case: Any) -> bool:
-    packages = (case.package, "newton" if case.newton else None)
-    return all(package is None or importlib.util.find_spec(package) is not None for package in packages)
-
-
-def chosen(option: str, names: Sequence[str], known: Mapping[str, Any]) -> list[Any]:
-    for name in names:
-        if name not in known:
-            raise WarpcamError(f"{option}: {name!r} came, known are: {', '.join(known)}")
-    return [known[name] for name in dict.fromkeys(names)]

@@ -4,13 +4,13 @@ import functools
 import gc
 import time
 import traceback
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
 import warp as wp
 
 from warpcam.benchmarks import compare, measure, peers, problem
-from warpcam.benchmarks.cases import Case, Wanted
+from warpcam.benchmarks.cases import Case, Setting, Wanted
 from warpcam.benchmarks.problem import POSE_SETS, Problem
 from warpcam.benchmarks.report import Row
 
@@ -21,27 +21,42 @@ CHECKED_PIXELS = 2**18
 
 def measure_case(
     case: Case,
-    worlds: int,
-    size: tuple[int, int],
+    settings: Sequence[Setting],
     wanted: Iterable[Wanted],
     renderers: Iterable[str],
     device: wp.Device,
     frames: int | None,
+    is_measured: Callable[[Row], bool] = lambda row: False,
 ) -> Iterator[Row]:
-    """Measure each renderer with each set of outputs: a row each, as soon as it is there."""
+    """Measure each renderer in settings that have the same number of worlds, with each set of outputs.
+
+    Yields a row each, as soon as it is there, but for those that `is_measured` says are there already.
+    """
+    worlds = settings[0].worlds_of(case)
+    tasks = {
+        renderer: asked
+        for renderer in filter(case.seen_by, renderers)
+        if (asked := [
+            (setting, one)
+            for setting in settings
+            for one in wanted
+            if peers.draws(renderer, one, worlds, setting)
+            and not is_measured({**basics(case, worlds, setting, one), "renderer": renderer})
+        ])
+    }  # fmt: skip
+    if not tasks:
+        return
     start = time.perf_counter()
-    wanted = list(wanted)
     try:
-        shared = problem.build(case, worlds, *size)
+        shared = problem.build(case, worlds, settings[0].width, settings[0].height)
     except Exception:
-        facts = {"case": case.name, "worlds": worlds, "width": size[0], "height": size[1]}
-        for one in wanted:
-            yield {**facts, "outputs": one.name, "renderer": "any", "error": traceback.format_exc(limit=-3)}
+        for setting, one in dict.fromkeys(task for asked in tasks.values() for task in asked):
+            facts = basics(case, worlds, setting, one)
+            yield {**facts, "renderer": "any", "error": traceback.format_exc(limit=-3)}
         return
     build_s = time.perf_counter() - start
-    references: dict[str, Any] = {}
-    for renderer in filter(case.seen_by, renderers):
-        asked = [one for one in wanted if one.by_peers or renderer == "warpcam"]
+    references: dict[tuple[str, str], Any] = {}
+    for renderer, asked in tasks.items():
         memory = measure.Memory(device)
         shared.place(0)
         start = time.perf_counter()
@@ -49,14 +64,18 @@ def measure_case(
             with measure.kernel_loads() as loads:
                 peer = peers.create(renderer, shared)
         except Exception:
-            for one in asked:
-                yield {**shared.facts(one), "renderer": renderer, "error": traceback.format_exc(limit=-4)}
+            for setting, one in asked:
+                shared.resize(setting.width, setting.height)
+                facts = {**shared.facts(one), "setting": setting.name, "renderer": renderer}
+                yield {**facts, "error": traceback.format_exc(limit=-4)}
             continue
         create_s, create_compile_s = time.perf_counter() - start, measure.covered(loads)
-        for one in asked:
-            row: Row = {**shared.facts(one), "renderer": renderer, "build_s": build_s}
+        for setting, one in asked:
+            shared.resize(setting.width, setting.height)
+            row: Row = {**shared.facts(one), "setting": setting.name, "renderer": renderer, "build_s": build_s}
             try:
-                row |= measure_outputs(renderer, peer, one, shared, memory, device, frames, references)
+                reference = references.setdefault((setting.name, one.name), {})
+                row |= measure_outputs(renderer, peer, one, shared, memory, device, frames, reference)
                 row["setup_s"] += create_s
                 row["compile_s"] += create_compile_s
             except Exception:
@@ -64,6 +83,12 @@ def measure_case(
             yield row
         del peer
         gc.collect()
+
+
+def basics(case: Case, worlds: int, setting: Setting, wanted: Wanted) -> Row:
+    """Return what tells a measurement from others, but for the renderer."""
+    facts = {"case": case.name, "setting": setting.name, "worlds": worlds, "outputs": wanted.name}
+    return {**facts, "width": setting.width, "height": setting.height}
 
 
 def measure_outputs(
@@ -74,8 +99,9 @@ def measure_outputs(
     memory: measure.Memory,
     device: wp.Device,
     frames: int | None,
-    references: dict[str, Any],
+    reference: dict[str, Any],
 ) -> Row:
+    """Measure one set of outputs; images are compared with those of `reference`, which the first renderer fills."""
     peer.release()
     gc.collect()
     memory.reset_peak()
@@ -93,7 +119,8 @@ def measure_outputs(
         row["told_memory_mb"] = peer.told_memory_mb
 
     def timed(variant: str, count: int | None) -> dict[str, Any]:
-        return measure.time_frames(functools.partial(peer.frame, variant), peer.place, POSE_SETS, device, count)
+        frame = functools.partial(peer.frame, variant)
+        return measure.time_frames(frame, peer.place, POSE_SETS, device, count, peer.on_host)
 
     best = peer.variants[0]
     if len(peer.variants) > 1:  # a few frames of each tell the fastest
@@ -102,10 +129,11 @@ def measure_outputs(
         row |= {"variant": best, "variants": few}
     row["ms"] = timed(best, frames)
     row["grays_per_s"] = 1e-6 * shared.rays / row["ms"]["median"]
-    row |= memory.figures()
+    if not peer.on_host:  # else it is memory of another library's
+        row |= memory.figures()
     if peer.lacks:
         row["lacks"] = list(peer.lacks)
-    if not wanted.by_peers:
+    if not peers.COMPARED.issuperset(wanted.outputs):
         return row
 
     checked = max(1, min(shared.worlds, CHECKED_PIXELS // (shared.width * shared.height)))
@@ -115,10 +143,10 @@ def measure_outputs(
         peer.frame(best)
         # Copied: on a CPU an array may be the renderer's own memory, which the next frame overwrites.
         images.append([{name: image.copy() for name, image in one.items()} for one in peer.images(checked)])
-    if wanted.name not in references:
-        references[wanted.name] = (renderer, images)
+    if not reference:
+        reference |= {"renderer": renderer, "images": images}
         return row
-    row["compared_with"], theirs = references[wanted.name]
+    row["compared_with"], theirs = reference["renderer"], reference["images"]
     gaps = [compare.difference(one, other) for one, other in zip(images, theirs, strict=True)]
     row["difference"] = {key: worst(key, [gap[key] for gap in gaps]) for key in gaps[0]}
     return row

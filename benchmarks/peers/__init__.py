@@ -4,7 +4,7 @@ import importlib
 import importlib.util
 from typing import Protocol, cast
 
-from warpcam.benchmarks.cases import Wanted
+from warpcam.benchmarks.cases import Setting, Wanted
 from warpcam.benchmarks.compare import Images
 from warpcam.benchmarks.problem import Problem
 from warpcam.core.errors import WarpcamError
@@ -15,15 +15,22 @@ PEERS = {
     "warpcam": "warpcam_renderer",
     "newton": "newton",
     "mujoco_warp_pbr": "mujoco_warp_pbr",
+    "mujoco": "mujoco_renderer",
 }
 INSTALL = {name: name.replace("_", "-") for name in PEERS}
+# MuJoCo's own renderer draws one image after another: it is asked for few large ones.
+FEW_WORLDS, LARGE_PIXELS = 16, 320 * 240
 INSTALL["mujoco_warp_pbr"] += " (Python 3.12 or newer)"
+
+
+COMPARED = frozenset(("rgb", "depth", "segmentation"))  # outputs whose images are compared
 
 
 class Peer(Protocol):
     """A renderer set up for one problem; `frame` works on the poses it was placed in last."""
 
     variants: tuple[str, ...]  # ways to render the same frame; the fastest counts
+    on_host: bool  # a frame is work of the host, which no graph can hold
     lacks: tuple[str, ...]  # what of the scene it cannot show in these outputs
     told_memory_mb: float | None  # what it said that it would take before it took it, if it says so
 
@@ -45,6 +52,14 @@ class Peer(Protocol):
 
 def installed() -> list[str]:
     return [name for name in PEERS if importlib.util.find_spec(name) is not None]
+
+
+def draws(name: str, wanted: Wanted, worlds: int, setting: Setting) -> bool:
+    """Whether a renderer is asked for these outputs in so many worlds."""
+    if name == "mujoco":
+        few = worlds <= FEW_WORLDS and setting.width * setting.height >= LARGE_PIXELS
+        return few and COMPARED.issuperset(wanted.outputs)
+    return wanted.by_peers or name == "warpcam"
 
 
 def create(name: str, problem: Problem) -> Peer:

@@ -16,6 +16,7 @@ class MujocoWarpPeer:
 
     variants: tuple[str, ...] = ("",)
     lacks: tuple[str, ...] = ()
+    on_host = False
     told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:

@@ -18,6 +18,7 @@ class NewtonPeer:
     """Renderer with its own poses: each set is converted to its own form beforehand, and `place` copies that."""
 
     variants: tuple[str, ...] = ("TILED 8x8", "PIXEL_PRIORITY")
+    on_host = False
     told_memory_mb: float | None = None
 
     def __init__(self, problem: Problem) -> None:
@@ -97,10 +98,8 @@ class Batch:
     """Views of all worlds through cameras with one lens, camera by camera."""
 
     def __init__(self, problem: Problem, cameras: np.ndarray, fovy: float) -> None:
-        self.problem, self.cameras = problem, cameras
-        self.rays = SensorCamera.compute_camera_rays_pinhole(
-            problem.width, problem.height, camera_fov=np.radians(fovy), device=wp.get_device()
-        )
+        self.problem, self.cameras, self.fovy = problem, cameras, fovy
+        self.rays: Any = None
         self.worlds = wp.array(np.tile(np.arange(problem.worlds), len(cameras)), dtype=wp.int32)
         self.poses = [self.camera_poses(index) for index in range(POSE_SETS)]
         self.transforms = wp.clone(self.poses[0])
@@ -112,8 +111,12 @@ class Batch:
             "segmentation": sensor.allocate_image_shape_index,
             "rgb": sensor.allocate_image_color,
         }
+        width, height = self.problem.width, self.problem.height
+        self.rays = SensorCamera.compute_camera_rays_pinhole(
+            width, height, camera_fov=np.radians(self.fovy), device=wp.get_device()
+        )
         views = len(self.cameras) * self.problem.worlds
-        self.images = {name: makers[name](views, self.problem.width, self.problem.height) for name in wanted.outputs}
+        self.images = {name: makers[name](views, width, height) for name in wanted.outputs}
 
     def camera_poses(self, index: int) -> wp.array:
         ids = np.asarray(self.problem.camera_ids)[self.cameras]

@@ -29,6 +29,7 @@ from warpcam.benchmarks import (
     report,
     run,
     sweeps,
+    tasks,
 )
 from warpcam.tools import cli
 
@@ -48,7 +49,7 @@ def places(shared: problem.Problem) -> np.ndarray:
 
 @pytest.mark.parametrize("case", cases.CASES.values(), ids=list(cases.CASES))
 def test_case_builds_and_moves(case: cases.Case) -> None:
-    if not run.available(case):
+    if not tasks.available(case):
         pytest.skip(f"its files come with {case.package}")
     shared = problem.build(case, worlds=2, width=16, height=16)
     before = places(shared)
@@ -63,8 +64,12 @@ def test_case_builds_and_moves(case: cases.Case) -> None:
 def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None:
     if name not in peers.installed():
         pytest.skip(f"{name} is not installed")
+    size = (320, 240) if name == "mujoco" else (16, 16)
+    if name == "mujoco" and os.environ.get("MUJOCO_GL") == "disable":
+        pytest.skip("no OpenGL")
     out = tmp_path / "tiny.json"
-    assert bench("--case", "humanoid", "--peer", "mujoco_warp", name, *TINY, "--out", out) == 0
+    asked = ("--case", "humanoid", "--peer", "mujoco_warp", name, *TINY, "--size", "x".join(map(str, size)))
+    assert bench(*asked, "--out", out) == 0
     written = json.loads(out.read_text())
     assert written["format"] == report.FORMAT and written["kind"] == "cases"
     assert {"cpu", "python", "mujoco", "mujoco-warp"} <= written["runs"][0]["machine"].keys()
@@ -72,7 +77,7 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
     assert [row["outputs"] for row in rows] == list(cases.COMMON)
     for row in rows:
         assert "error" not in row, row["error"]
-        assert row["rays"] == 2 * 16 * 16 and row["worlds"] == 2 and row["setting"] == "cpu"
+        assert row["rays"] == 2 * size[0] * size[1] and row["worlds"] == 2 and row["setting"] == "cpu"
         assert row["ms"]["frames"] == 2 and row["ms"]["p10"] <= row["ms"]["median"] <= row["ms"]["p90"]
         assert row["setup_s"] >= 0.0 and row["first_frame_s"] > 0.0
         assert 0.0 <= row["compile_s"] <= row["setup_s"] + row["first_frame_s"]
@@ -90,7 +95,7 @@ def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("case", [case.name for case in cases.CASES.values() if case.newton])
 def test_newtons_camera_and_ours_agree_on_newtons_model(case: str, tmp_path: Path) -> None:
-    if not run.available(cases.CASES[case]):
+    if not tasks.available(cases.CASES[case]):
         pytest.skip("its files are not installed")
     out = tmp_path / "newton.json"
     arguments = ("--case", case, "--peer", "warpcam", "newton", "mujoco_warp", "--outputs", "ds", "rgb-d-shadows")
@@ -265,10 +270,13 @@ def test_what_is_not_installed_is_said_and_written(
     assert "left out: newton, not installed; pip install newton" in said
     assert "left out: mujoco_warp_pbr, not installed; pip install mujoco-warp-pbr (Python 3.12 or newer)" in said
     assert json.loads(out.read_text())["runs"][0]["left_out"].keys() == set(peers.PEERS) - {"warpcam"}
-    monkeypatch.setattr(run, "available", lambda case: case.package != "mjlab")
-    asked = argparse.Namespace(sweep=None, peer=["warpcam"], case=None)
-    assert run.left_out(asked)["case yam"] == "mjlab"
-    assert run.left_out(argparse.Namespace(sweep=None, peer=["warpcam"], case=["humanoid"])) == {}
+    monkeypatch.setattr(tasks, "available", lambda case: case.package != "mjlab")
+    asked = argparse.Namespace(sweep=None, suite=None, scene=None, peer=["warpcam"], case=None)
+    assert tasks.left_out(asked)["case yam"] == "mjlab"
+    assert (
+        tasks.left_out(argparse.Namespace(sweep=None, suite=None, scene=None, peer=["warpcam"], case=["humanoid"]))
+        == {}
+    )
 
 
 @pytest.mark.parametrize("cold", [False, True])

@@ -189,3 +189,31 @@ def test_pixels_as_observations(installed: None) -> None:
     assert env.observation_spec()["pixels"].validate(first) is first
     after = env.step(env.action_spec().maximum).observation["pixels"]
     assert (after != first).any() and (after == env.physics.render(HEIGHT, WIDTH, camera_id=0)).all()
+
+
+def test_contexts_can_be_made_current_and_called(installed: None) -> None:
+    """As tasks do to upload; there is nothing else of OpenGL in them."""
+    one = physics()
+    first = one.render(HEIGHT, WIDTH)
+    with one.contexts.gl.make_current() as context:
+        context.call(mujoco.mjr_uploadTexture, one.model.ptr, one.contexts.mujoco.ptr, 0)
+    assert (one.render(HEIGHT, WIDTH) == first).all()
+    one.contexts.gl.free()
+    one.contexts.mujoco.free()
+
+
+def test_what_has_rendered_before_keeps_its_renderer() -> None:
+    try:
+        one = physics()
+        theirs = one.render(HEIGHT, WIDTH)
+    except Exception:
+        pytest.skip("dm_control's own renderer needs a library: apt-get install libosmesa6")
+    contexts = one.contexts
+    ours.install()
+    try:
+        assert (one.render(HEIGHT, WIDTH) == theirs).all() and one.contexts is contexts
+        other = physics()
+        other.render(HEIGHT, WIDTH)
+        assert isinstance(other.contexts.gl, ours._Contexts)
+    finally:
+        ours.uninstall()

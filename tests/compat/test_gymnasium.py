@@ -311,3 +311,15 @@ def test_two_front_ends_share_what_is_uploaded(device: wp.Device) -> None:
     assert mujoco.mjr_uploadMesh is not own
     front.uninstall()
     assert mujoco.mjr_uploadMesh is own
+
+
+def test_options_and_cameras_of_an_environment(installed: None) -> None:
+    """Those that an environment is made with: flags, the free camera's place, a camera by name."""
+    plain = make("rgb_array").render()
+    joints = make("rgb_array", visual_options={int(mujoco.mjtVisFlag.mjVIS_JOINT): True})
+    near = make("rgb_array", camera_id=-1, default_camera_config={"distance": 1.5, "trackbodyid": 0})
+    named = make("rgb_array", camera_name="track")
+    assert (joints.render() != plain).any() and (near.render() != plain).any()
+    assert joints.unwrapped.mujoco_renderer.viewer.vopt.flags[mujoco.mjtVisFlag.mjVIS_JOINT]
+    assert near.unwrapped.mujoco_renderer.viewer.cam.distance == 1.5
+    assert (named.render() == make("rgb_array", camera_id=0).render()).all()

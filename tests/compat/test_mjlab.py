@@ -48,6 +48,7 @@ def test_the_yam_arm_sees_its_cube_for_a_hundred_steps() -> None:
     env = make(cfg)
     random = torch.Generator().manual_seed(0)
     env.reset()
+    assert env.scene.sensor_context is None
     sensor, frames = env.scene["camera_d405"], []
     for step in range(100):
         observations = env.step(actions(env, random))[0]

@@ -13,6 +13,7 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes import shading
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.plan.frame import BUFFER, PlannedPass
+from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import IMAGES, MAX_KEPT, plan_shading
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
@@ -274,7 +275,8 @@ def test_images_of_a_ball(lens, width, height, count, device):
         for name in IMAGES
     }
     tables, card = ball_tables(device, worlds, count), wp.get_device(device)
-    plan = plan_shading(tables, lens, width, height, IMAGES, False, card, Group.of_all(worlds))
+    request = ImageRequest(width, height, lens, tuple(IMAGES))
+    plan = plan_shading(tables, request, card, Group.of_all(worlds), outputs=IMAGES, shadows=False)
     seen = tuple((role, BUFFER + role) for role in ("depth", "shape", "face"))
     planned = PlannedPass("shading", plan.key, plan.threads, (*seen, *((name, name) for name in IMAGES)))
     buffers = {

@@ -1,4 +1,7 @@
-"""Run other projects' tests: a failure that is not known, or one that is known and passes, ends with an error."""
+"""Run other projects' tests.
+
+It ends with an error if a failure is not known, if one that is known passes, or if a named project cannot be run.
+"""
 
 import argparse
 import ctypes.util
@@ -36,6 +39,7 @@ def main() -> int:
             reason = f"its package has no tests; clone its repository and pass --clone {name}=FOLDER"
         if reason:
             print(f"{name}: not run: {reason}")
+            wrong += name in given.projects
             continue
         outcome = run(project, clones.get(name) if project.folder else None, given.k)
         new, mended = outcome.new(project.known), [] if given.k else outcome.mended(project.known)

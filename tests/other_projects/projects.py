@@ -2,10 +2,13 @@
 
 import importlib
 import unittest
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
+
+import pytest
 
 from .known import DM_CONTROL, GYMNASIUM, MUJOCO, MUJOCO_WARP, NEWTON
 
@@ -56,94 +59,56 @@ def _flat(suite: Any) -> Iterator[unittest.TestCase]:
 
 
 @contextmanager
-def _mujoco() -> Iterator[None]:
-    from warpcam.compat import mujoco as front
-
-    front.install()
+def _installed(front: str) -> Iterator[None]:
+    """A front end in place by its own ``install``."""
+    module = importlib.import_module(f"warpcam.compat.{front}")
+    module.install()
     try:
         yield
     finally:
-        front.uninstall()
+        module.uninstall()
 
 
 @contextmanager
-def _dm_control() -> Iterator[None]:
-    from warpcam.compat import dm_control as front
-
-    front.install()
-    try:
+def _replaced(front: str, names: tuple[str, ...], modules: Iterable[str]) -> Iterator[None]:
+    """Names of a front end in place of those that modules have."""
+    ours = importlib.import_module(f"warpcam.compat.{front}")
+    with pytest.MonkeyPatch.context() as patch:
+        for module in map(importlib.import_module, modules):
+            for name in names:
+                if hasattr(module, name):
+                    patch.setattr(module, name, getattr(ours, name))
         yield
-    finally:
-        front.uninstall()
 
 
-@contextmanager
-def _gymnasium() -> Iterator[None]:
-    from warpcam.compat import gymnasium as front
-
-    front.install()
-    try:
-        yield
-    finally:
-        front.uninstall()
-
-
-@contextmanager
-def _replaced(places: list[tuple[Any, str, Any]]) -> Iterator[None]:
-    before = [(place, name, getattr(place, name)) for place, name, _ in places]
-    for place, name, value in places:
-        setattr(place, name, value)
-    try:
-        yield
-    finally:
-        for place, name, value in before:
-            setattr(place, name, value)
-
-
-def _mujoco_warp() -> AbstractContextManager[None]:
-    import mujoco_warp
-
-    from warpcam.compat import mujoco_warp as front
-
-    calls = ("create_render_context", "refit_bvh", "render", "get_rgb", "get_depth", "get_segmentation")
-    return _replaced([(mujoco_warp, name, getattr(front, name)) for name in calls])
-
-
-def _newton() -> AbstractContextManager[None]:
-    from warpcam.compat import newton as front
-
-    modules = [importlib.import_module(name) for name in PROJECTS["newton"].modules]
-    kinds = ("SensorCamera", "SensorTiledCamera")
-    return _replaced([(one, kind, getattr(front, kind)) for one in modules for kind in kinds if hasattr(one, kind)])
-
+CALLS = ("create_render_context", "refit_bvh", "render", "get_rgb", "get_depth", "get_segmentation")
+NEWTON_TESTS: Mapping[str, tuple[str, ...]] = {
+    "newton.tests.test_sensor_camera": ("TestSensorCamera", "TestSensorCameraDeformable"),
+    "newton.tests.test_sensor_tiled_camera": ("TestSensorTiledCamera",),
+    "newton.tests.test_sensor_tiled_camera_hdr_color": ("TestSensorTiledCameraHdrColor",),
+    "newton.tests.test_sensor_tiled_camera_heightfield": ("TestSensorTiledCameraHeightfield",),
+    "newton.tests.test_sensor_tiled_camera_particles_multiworld": ("TestSensorTiledCameraParticlesMultiworld",),
+    "newton.tests.test_sensor_to_rgba": ("TestToRgba",),
+    "newton.tests.test_sensor_usd_camera": ("TestSensorCameraRays",),
+}
 
 PROJECTS: Mapping[str, Project] = {
     project.name: project
     for project in (
-        Project("mujoco", {"mujoco.renderer_test": ("MuJoCoRendererTest",)}, _mujoco, MUJOCO),
+        Project("mujoco", {"mujoco.renderer_test": ("MuJoCoRendererTest",)}, partial(_installed, "mujoco"), MUJOCO),
         Project(
             "mujoco_warp",
             {
                 "mujoco_warp._src.render_test": ("RenderTest",),
                 "mujoco_warp._src.render_util_test": ("RenderUtilTest",),
             },
-            _mujoco_warp,
+            partial(_replaced, "mujoco_warp", CALLS, ("mujoco_warp",)),
             MUJOCO_WARP,
         ),
         Project(
             "newton",
-            {
-                "newton.tests.test_sensor_camera": ("TestSensorCamera", "TestSensorCameraDeformable"),
-                "newton.tests.test_sensor_tiled_camera": ("TestSensorTiledCamera",),
-                "newton.tests.test_sensor_tiled_camera_hdr_color": ("TestSensorTiledCameraHdrColor",),
-                "newton.tests.test_sensor_tiled_camera_heightfield": ("TestSensorTiledCameraHeightfield",),
-                "newton.tests.test_sensor_tiled_camera_particles_multiworld": (
-                    "TestSensorTiledCameraParticlesMultiworld",
-                ),
-                "newton.tests.test_sensor_to_rgba": ("TestToRgba",),
-                "newton.tests.test_sensor_usd_camera": ("TestSensorCameraRays",),
-            },
-            _newton,
+            NEWTON_TESTS,
+            partial(_replaced, "newton", ("SensorCamera", "SensorTiledCamera"), NEWTON_TESTS),
             NEWTON,
         ),
         Project(
@@ -153,13 +118,13 @@ PROJECTS: Mapping[str, Project] = {
                 "dm_control.mujoco.render_test": ("RenderTest",),
                 "dm_control.suite.wrappers.pixels_test": ("PixelsTest",),
             },
-            _dm_control,
+            partial(_installed, "dm_control"),
             DM_CONTROL,
         ),
         Project(
             "gymnasium",
             {},
-            _gymnasium,
+            partial(_installed, "gymnasium"),
             GYMNASIUM,
             folder="tests/envs/mujoco/test_mujoco_rendering.py",
             left_out="human",

@@ -100,3 +100,5 @@ def test_projects_say_why_they_cannot_run(monkeypatch: pytest.MonkeyPatch, capsy
     text = capsys.readouterr().out
     assert "no_such_project: not run: no_such_project cannot be imported" in text
     assert "json: not run: its package has no tests; clone its repository and pass --clone json=FOLDER" in text
+    monkeypatch.setattr("sys.argv", ["tests.other_projects", "no_such_project"])
+    assert command.main() == 1

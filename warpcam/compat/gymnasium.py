@@ -80,7 +80,8 @@ class OffScreenViewer:
         self._markers: list[dict[str, Any]] = []
         self._device = _chosen[0]
         self._frame_renderer: FrameRenderer | None = FrameRenderer(model, self._device)
-        self.con = upload_calls.Context(self._reload)
+        self.con = self.opengl_context = upload_calls.Context(self._reload)
+        self.backend = "warpcam"  # in place of a name of OpenGL's
 
     def render(
         self, render_mode: str | None, camera_id: int | None = None, segmentation: bool = False

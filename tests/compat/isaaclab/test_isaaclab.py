@@ -364,3 +364,10 @@ def test_it_is_known_by_name_and_refuses_by_name(simulation: Any) -> None:
     buffer = SimpleNamespace(warp=wp.zeros((NUM_ENVS, HEIGHT, WIDTH, 3)))
     with pytest.raises(wc.WarpcamError, match="simple_shading_full_mdl: the camera was made without it"):
         renderer.set_outputs(data, {"simple_shading_full_mdl": buffer})
+
+
+def test_only_cameras_take_a_renderer() -> None:
+    sensors = pytest.importorskip("isaaclab.sensors", reason=HOW, exc_type=ImportError)
+    kinds = {name: getattr(sensors, name) for name in dir(sensors) if name.endswith("Cfg")}
+    taking = {name for name, kind in kinds.items() if "renderer_cfg" in getattr(kind, "__dataclass_fields__", {})}
+    assert taking == {"CameraCfg", "TiledCameraCfg"} and "RayCasterCfg" in kinds

@@ -267,7 +267,7 @@ def test_a_scene_that_cannot_be_made_is_made_when_it_is_asked_for_again(
     seen_by(sensor, state)
     (traced,) = map(weakref.ref, sensor._views._renderers.values())
 
-    def fail(*_: Any) -> None:
+    def fail(*_: Any, **__: Any) -> None:
         gc.collect()
         assert traced() is None
         raise MemoryError

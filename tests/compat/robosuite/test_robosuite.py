@@ -218,6 +218,15 @@ def test_conventions(lift: Any) -> None:
         context.read_pixels(SIZE, SIZE)
 
 
+def test_cameras_that_see_nothing_are_named(lift: Any) -> None:
+    context = lift.sim._render_context_offscreen
+    with pytest.raises(
+        wc.WarpcamError, match=rf"camera_id 99 came; the model has cameras 0 to {lift.sim.model.ncam - 1}"
+    ):
+        context.render(SIZE, SIZE, 99)
+    context.render(SIZE, SIZE, 0)
+
+
 def test_projections_of_camera_utils(lift: Any) -> None:
     """A pixel, with its depth in metres, is where its geom is."""
     pytest.importorskip("h5py", reason="camera_utils imports h5py: pip install h5py")

@@ -82,10 +82,7 @@ def test_a_folder(tmp_path: Path) -> None:
         ('def Xform "a" {\ndef Camera "b" {}\n}', "it has 1 Xform, 1 Camera; drawn are meshes, solids"),
         ('def Mesh "a" {}', "nothing that can be drawn: it has 1 Mesh; warnings say what is left out"),
         ('def Xform "a" (payload = @gone.usda@) {}', "it has 1 Xform; warnings say what is left out"),
-        (
-            'def Cube "a" {\nuniform token purpose = "guide"\n}',
-            "'guide', /a; give purposes=('default', 'render', 'guide')",
-        ),
+        ('def Cube "a" {\nuniform token purpose = "guide"\n}', "/a; give purposes=('default', 'render', 'guide')"),
         ('def Cube "a" (active = false) {}', "prims are inactive, /a; call prim.SetActive(True)"),
         ('class Cube "a" {}\nover "b" {}', "only classes and overs, which are for other stages; give the stage"),
         ('def Xform "a" {\ntoken visibility = "invisible"\ndef Cube "b" {}\ndef Cube "c" {}\n}',

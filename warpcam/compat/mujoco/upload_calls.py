@@ -1,6 +1,7 @@
 """MuJoCo's calls that upload what a renderer reads once, for those that have no context of MuJoCo's."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import wraps
 from typing import Any
 
@@ -19,6 +20,10 @@ class Context:
         self.reload = reload
 
     def make_current(self) -> None: ...
+
+    @contextmanager
+    def as_current(self) -> Iterator[None]:
+        yield
 
     def free(self) -> None: ...
 

@@ -38,15 +38,27 @@ def load(path: Path, packages: Mapping[str, Path] | None = None) -> Any:
     Raises:
         ValueError: MuJoCo cannot read the file, or nothing of it can be drawn.
     """
+    return _compiled(path, packages)[1]
+
+
+def load_spec(path: Path, packages: Mapping[str, Path] | None = None) -> Any:
+    """Return the MjSpec of the model that `load` returns."""
+    return _compiled(path, packages)[0]
+
+
+def _compiled(path: Path, packages: Mapping[str, Path] | None) -> tuple[Any, Any]:
+    """The MjSpec of a file and its MjModel."""
     import mujoco
 
     try:
         robot = ElementTree.fromstring(path.read_bytes())
     except (ElementTree.ParseError, UnicodeError, OSError):  # MuJoCo says it better
-        return mujoco.MjModel.from_xml_path(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
+        return spec, spec.compile()
     if robot.tag != "robot":
-        return mujoco.MjModel.from_xml_string(ElementTree.tostring(robot, encoding="unicode"))
-    return _Robot(robot, path, packages or {}).model()
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+        return spec, spec.compile()
+    return _Robot(robot, path, packages or {}).compiled()
 
 
 @dataclass(eq=False)
@@ -85,23 +97,26 @@ class _Robot:
         self._images: dict[str, np.ndarray | None] = {}
         self._settle(packages)
 
-    def model(self) -> Any:
+    def compiled(self) -> tuple[Any, Any]:
+        """The robot's MjSpec and MjModel."""
         try:
             shown = self._read_shapes()
             try:
-                model = self._spec(shown).compile()
+                spec = self._spec(shown)
+                model = spec.compile()
             except ValueError as error:
                 fault = " ".join(str(error).split())
                 if "hull" not in fault and "qhull" not in fault:
                     raise
                 self._collector.warn(f"has meshes that collide with nothing, as MuJoCo makes no hull of one: {fault}")
-                model = self._spec(shown, solid=False).compile()
+                spec = self._spec(shown, solid=False)
+                model = spec.compile()
         finally:
             self._collector.say()
         if model.ngeom == 0 or (model.geom_group == HIDDEN).all():
             reasons = "; ".join(dict.fromkeys(self._faults)) or "no link has a visual or collision shape"
             raise ValueError(f"nothing of it can be drawn: {reasons}")
-        return model
+        return spec, model
 
     def _spec(self, shown: Collection[str], solid: bool = True) -> Any:
         """The robot for MuJoCo's compiler, with collision shapes that are drawn of the links ``shown``.

@@ -105,7 +105,7 @@ class AttributeReader:
             return default
         kept = min(max(value, low), high)
         if kept != value:
-            self.tell(prim, f"has {name} of {value:g}, and {kept:g} is taken")
+            self.tell(prim, f"has {name} of {value:g}, and {kept:g} is taken", about=name)
         return float(kept)
 
     def refused(self, prim: Usd.Prim, *names: str) -> bool:
@@ -231,9 +231,9 @@ class AttributeReader:
         self.tell(prim, f"{what}, {outcome}")
         self._refused.add((_path_of(prim), str(name)))
 
-    def tell(self, prim: Usd.Prim, what: str) -> None:
-        """Warn once of an attribute, however often it is read."""
-        key = (_path_of(prim), what)
+    def tell(self, prim: Usd.Prim, what: str, about: str = "") -> None:
+        """Warn once of an attribute, however often it is read, or once of all that is wrong ``about`` it."""
+        key = (_path_of(prim), about or what)
         if key not in self._told:
             self._told.add(key)
             self._collector.warn(what, str(prim.GetPath()))

@@ -244,7 +244,8 @@ class MaterialReader:
             if reader is not None:
                 mode = self._inputs.number(surface, "opacity_mode", 1.0)
                 reader = replace(reader, channel="a" if mode == 0.0 else "r")
-            if reader is None or not self._inputs.flag(surface, "enable_opacity_texture"):
+            textured = self._inputs.flag(surface, "enable_opacity_texture")
+            if reader is None or not textured:
                 textures.pop("opacity", None)
                 reader = None
         threshold = "opacity_threshold" if inputs is OMNI else "opacityThreshold"

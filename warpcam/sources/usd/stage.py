@@ -91,8 +91,9 @@ class StageReader:
             prim, parent, name, purpose = stack.pop()
             imageable = UsdGeom.Imageable(prim)
             if imageable:
-                authored = imageable.GetPurposeAttr().HasAuthoredValue()
-                purpose = self._attributes.get(prim, "purpose") if authored else purpose
+                authored = imageable.GetPurposeAttr()
+                given = self._attributes.get(prim, "purpose") if authored.IsAuthored() else purpose
+                purpose = given if authored.HasAuthoredValue() else purpose
             node = self._add_node(prim, parent, name, rest and prim == first)
             if prim.IsA(UsdGeom.PointInstancer):
                 self._walk_instances(UsdGeom.PointInstancer(prim), node, name, purpose, instancers)
