@@ -2,7 +2,8 @@
 
     python -m warpcam.benchmarks.fidelity [--shot NAME ...] [--peer] [--out FILE.json] [--gallery FOLDER]
 
-The judge draws as it does by default, with its antialiasing and its shadows. Scenes whose packages are not installed
+The judge draws as it does by default, with its antialiasing and its shadows. Its own picture with sixteen times as many
+samples is compared with it, too, which tells how much its few samples matter. Scenes whose packages are not installed
 are left out; ``pip install --no-deps dm-control gymnasium gymnasium-robotics robosuite mjlab`` brings them all.
 """
 
@@ -31,6 +32,7 @@ from warpcam.core.errors import WarpcamError
 
 SIZE = 256
 SAMPLES = 4  # of a pixel, in the judge's pictures
+FINER = 4  # pixels of the judge's finer pictures along the side of a pixel
 # What is held up to the whole: median and least PSNR [dB], mean FLIP.
 WANTED = {"median_psnr": 38.0, "least_psnr": 32.0, "mean_flip": 0.03}
 
@@ -38,12 +40,26 @@ Draw = Callable[[mujoco.MjModel, mujoco.MjData, int, int], np.ndarray]
 
 
 def draw_judge(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
+    return draw_mujoco(mjm, mjd, camera, samples, SIZE)
+
+
+def draw_mujoco(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int, size: int) -> np.ndarray:
+    """Picture of ``mujoco.Renderer``, so many pixels high and wide."""
     mjm.vis.quality.offsamples = samples if samples > 1 else 0
+    screen = mjm.vis.global_
+    screen.offwidth, screen.offheight = max(screen.offwidth, size), max(screen.offheight, size)
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False  # the rays of sensors are no part of a scene
-    with mujoco.Renderer(mjm, SIZE, SIZE) as renderer:
+    with mujoco.Renderer(mjm, size, size) as renderer:
         renderer.update_scene(mjd, camera=camera, scene_option=option)
         return renderer.render().copy()
+
+
+def draw_finer(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
+    """The judge's own picture of more pixels, of which each FINER x FINER are averaged to one."""
+    fine = draw_mujoco(mjm, mjd, camera, samples, FINER * SIZE)
+    means = fine.reshape(SIZE, FINER, SIZE, FINER, 3).mean(axis=(1, 3))
+    return np.rint(means).astype(np.uint8)
 
 
 def draw_ours(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
@@ -84,7 +100,13 @@ def draw_ours_plain(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, sample
 
 
 OURS, PLAIN, PEER = "warpcam", "warpcam, one sample", "mujoco_warp"
-DRAWN: dict[str, Draw] = {OURS: draw_ours, PLAIN: draw_ours_plain, PEER: draw_mujoco_warp}
+JUDGE_FINER = f"mujoco.Renderer, {FINER**2} times the samples"
+DRAWN: dict[str, Draw] = {
+    OURS: draw_ours,
+    PLAIN: draw_ours_plain,
+    JUDGE_FINER: draw_finer,
+    PEER: draw_mujoco_warp,
+}
 
 
 def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | None) -> dict[str, Any]:
@@ -126,16 +148,23 @@ def summary(rows: Sequence[dict[str, Any]], name: str) -> dict[str, float]:
     }
 
 
+def summaries(rows: Sequence[dict[str, Any]], renderers: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Summarise, for each renderer, the scenes that it has drawn, if any."""
+    return {name: summary(rows, name) for name in renderers if any("psnr" in row.get(name, {}) for row in rows)}
+
+
 def report_of(rows: Sequence[dict[str, Any]], renderers: Sequence[str], samples: int) -> dict[str, Any]:
+    """Results of all shots, a summary of those of other packages, or of all, and one of those made here."""
+    own = [row for row in rows if row["package"] == fidelity_scenes.OWN]
+    others = [row for row in rows if row not in own]
     return {
         "format": 1,
         "kind": "fidelity",
         "judge": f"mujoco.Renderer {mujoco.__version__}, {samples} samples a pixel, {os.environ['MUJOCO_GL']}",
         "size": [SIZE, SIZE],
         "machine": machine.describe(wp.get_device("cpu")),
-        "summary": {
-            name: summary(rows, name) for name in renderers if any("psnr" in row.get(name, {}) for row in rows)
-        },
+        "summary": summaries(others or own, renderers),
+        "crowded": summaries(own, renderers),
         "results": list(rows),
     }
 
@@ -158,7 +187,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write JSON here")
     parser.add_argument("--gallery", type=Path, metavar="FOLDER", help="write gallery.md and its pictures here")
     options = parser.parse_args(arguments)
-    renderers = [OURS, PLAIN, PEER] if options.peer else [OURS, PLAIN]
+    renderers = [OURS, PLAIN, JUDGE_FINER, *([PEER] if options.peer else [])]
     folder = options.gallery / "images" / "gallery" if options.gallery else None
     rows = []
     try:
@@ -179,6 +208,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         gallery.write_page(options.gallery / "gallery.md", report, WANTED)
     for name, figures in report["summary"].items():
         print(f"{name}: {figures}")
+    for name, figures in report["crowded"].items():
+        print(f"{name}, crowded scenes: {figures}")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Scenes of a fidelity run: files of other packages, and a camera for each."""
+"""Scenes of a fidelity run: files of other packages and scenes made here, and a camera for each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from warpcam.benchmarks import scenes
+from warpcam.benchmarks import crowded_scenes, scenes
 
+OWN = "warpcam"  # the package of scenes made here
 FREE = "free"  # the camera that MuJoCo's viewers begin with
 FOLDERS: Mapping[str, str] = {
     "mujoco_warp": "test_data",
@@ -25,8 +26,8 @@ class Shot:
 
     Attributes:
         name: Of the shot.
-        package: That brings the scene, and ``FOLDERS`` says where in it.
-        file: Within that folder.
+        package: That brings the scene, and ``FOLDERS`` says where in it; ``OWN`` for one that is made here.
+        file: Within that folder, or the scene's name in ``crowded_scenes.SCENES``.
         camera: Name or index of one of its cameras, or ``FREE``.
     """
 
@@ -84,18 +85,22 @@ SHOTS: tuple[Shot, ...] = (
     Shot("pegs", "robosuite", "arenas/pegs_arena.xml", "agentview"),
     Shot("panda", "robosuite", "robots/panda/robot.xml"),
     Shot("cereal", "robosuite", "objects/cereal.xml"),
+    *(Shot(name, OWN, name, "fixed") for name in crowded_scenes.SCENES),
 )
 
 
 def load(shot: Shot) -> tuple[mujoco.MjModel, mujoco.MjData, int]:
     """The scene, its state, and the index of the camera."""
-    path = scenes.package_folder(shot.package) / FOLDERS[shot.package] / shot.file
-    mjm = mujoco.MjModel.from_xml_path(str(path))
     camera = shot.camera
-    if camera == FREE:
-        spec = mujoco.MjSpec.from_file(str(path))
-        add_free_camera(spec, mjm)
-        mjm = spec.compile()
+    if shot.package == OWN:
+        mjm = crowded_scenes.SCENES[shot.file]().compile()
+    else:
+        path = scenes.package_folder(shot.package) / FOLDERS[shot.package] / shot.file
+        mjm = mujoco.MjModel.from_xml_path(str(path))
+        if camera == FREE:
+            spec = mujoco.MjSpec.from_file(str(path))
+            add_free_camera(spec, mjm)
+            mjm = spec.compile()
     mjd = mujoco.MjData(mjm)
     if mjm.nkey:
         mujoco.mj_resetDataKeyframe(mjm, mjd, 0)

@@ -3,12 +3,15 @@
 import json
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+import scenes
+from mujoco_reference import reference_renderer
 from PIL import Image
 
 pytest.importorskip("mujoco_warp")
-from warpcam.benchmarks import gallery, image_metrics
+from warpcam.benchmarks import crowded_scenes, fidelity, fidelity_scenes, gallery, image_metrics
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results" / "fidelity.json"
 
@@ -38,6 +41,14 @@ def test_what_is_kept_keeps_to_what_is_wanted() -> None:
     assert summary["mujoco_warp"]["shots"] >= 30
 
 
+def test_crowded_scenes_are_as_near_as_the_judges_own_finer_pictures() -> None:
+    crowded = json.loads(RESULTS.read_text())["crowded"]
+    ours, finer = crowded[fidelity.OURS], crowded[fidelity.JUDGE_FINER]
+    assert ours["shots"] == finer["shots"] == len(crowded_scenes.SCENES)
+    assert ours["least_psnr"] > 30.0 and ours["least_psnr"] > finer["least_psnr"]
+    assert ours["mean_flip"] < 0.035
+
+
 def test_likeness() -> None:
     black, grey = np.zeros((32, 32, 3), np.uint8), np.full((32, 32, 3), 51, np.uint8)
     assert image_metrics.psnr(black, black) == image_metrics.BEST
@@ -53,3 +64,41 @@ def test_pictures_lie_side_by_side(tmp_path: Path) -> None:
     seen = np.asarray(Image.open(tmp_path / "one.png").convert("RGB"))
     assert seen.shape == (8, 3 * 8 + 2 * gallery.GAP, 3)
     assert (seen[4, 4] == 100).all() and (seen[4, 14] == 110).all() and (seen[4, 24] == 10 * gallery.STRETCH).all()
+
+
+@pytest.mark.parametrize("name", crowded_scenes.SCENES)
+def test_scenes_made_here_are_crowded_with_thin_things(name: str) -> None:
+    """The camera sees most of them, and most of these are less than five pixels thick."""
+    (shot,) = [shot for shot in fidelity_scenes.SHOTS if shot.name == name]
+    mjm, mjd, camera = fidelity_scenes.load(shot)
+    things = mjm.geom_type != mujoco.mjtGeom.mjGEOM_PLANE
+    assert things.sum() > 50
+    local = (mjd.geom_xpos[things] - mjd.cam_xpos[camera]) @ mjd.cam_xmat[camera].reshape(3, 3)
+    depth = -local[:, 2]
+    pixel = 2.0 * np.tan(np.radians(mjm.cam_fovy[camera]) / 2.0) / fidelity.SIZE * depth
+    inside = (depth > 0.0) & (np.abs(local[:, :2]).max(axis=1) < fidelity.SIZE / 2 * pixel)
+    assert inside.mean() > 0.9
+    sizes = np.where(mjm.geom_size[things] > 0.0, mjm.geom_size[things], np.inf)
+    assert np.median(2.0 * sizes.min(axis=1) / pixel) < (12.0 if name == "bricks" else 5.0)
+
+
+def test_the_judges_finer_picture_has_finer_edges(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An edge that leaves three tenths of a pixel covered, by a camera whose image is a metre wide on the box."""
+    reference_renderer(scenes.compile_xml(""), 8, 8).close()
+    monkeypatch.setattr(fidelity, "SIZE", 16)
+    mjm = mujoco.MjModel.from_xml_string(
+        """<mujoco>
+          <visual><headlight ambient="1 1 1" diffuse="0 0 0" specular="0 0 0"/></visual>
+          <worldbody>
+            <geom type="box" size="1 2 .1" pos="-.98125 0 -.1" rgba="1 1 1 1"/>
+            <camera pos="0 0 1" fovy="53.130102"/>
+          </worldbody>
+        </mujoco>"""
+    )
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    judge, finer = (draw(mjm, mjd, 0, fidelity.SAMPLES) for draw in (fidelity.draw_judge, fidelity.draw_finer))
+    for picture in (judge, finer):
+        assert (picture[:, :8] == 255).all() and (picture[:, 9:] == 0).all()
+    assert set(np.unique(judge[:, 8])) == {64}
+    np.testing.assert_allclose(finer[:, 8] / 255.0, 0.3, atol=0.04)

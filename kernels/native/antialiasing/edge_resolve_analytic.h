@@ -212,7 +212,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
         int best_at = nearest(left, order);
         left &= ~(1u << best_at);
         const Offset offset = sample_offset(sample);
-        const int part = part_at<LENS>(record, ray, depth);
+        const int part = part_at<Types, LENS>(record, ray, depth);
         const auto pixel_of = [&](int place) { return spot.pixel + Neighborhood3x3::step<LINE>(place); };
         const auto apart_from = [&](int place) {
             const float right = float(Neighborhood3x3::right(place)) - offset.right;
@@ -224,7 +224,7 @@ template <class Types, int LENS, int WIDTH, int HEIGHT, int IMAGES, class Target
             const auto its =
                 view_ray<LENS>(camera, spot.i + Neighborhood3x3::right(place), spot.j + Neighborhood3x3::down(place));
             return apart_from(place) + seen.apart(pixel_of(place), depth)
-                   + (part_at<LENS>(record, its, there) == part ? 0.0f : NORMAL_WEIGHT);
+                   + (part_at<Types, LENS>(record, its, there) == part ? 0.0f : NORMAL_WEIGHT);
         };
         Colour<IMAGES> chosen = seen.template colour<IMAGES>(pixel_of(best_at)), its;
         float best = MISS;  // not known before some other pixel has another colour

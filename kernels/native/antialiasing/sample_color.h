@@ -77,7 +77,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
         seen.centres.template bytes_around<IMAGES>(i, j, nine);
         unsigned apart = unlike(colour(best_at)), order = Neighborhood3x3::order(sample);
         const int type = record.axis_x.w;
-        const bool is_face = type == MESH && face >= 0, is_sided = (Types::GEOMETRY & TYPES_WITH_FACES) >> type & 1;
+        const bool is_face = type == MESH && face >= 0, is_sided = (Types::GEOMETRY & TYPES_WITH_PARTS) >> type & 1;
         const Offset offset = sample_offset(sample);
         const unsigned rows = as_int(record.size.z);
         const auto normal_of = [&](int number) { return face_normal(meshes, rows, number); };
@@ -86,7 +86,7 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
         if (is_face)
             normal = normal_of(face);
         else if (is_sided)
-            part = part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
+            part = part_at<Types, LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth);
         const auto apart_from = [&](int place) {
             const float right = float(Neighborhood3x3::right(place)) - offset.right,
                         down = float(Neighborhood3x3::down(place)) - offset.down;
@@ -103,7 +103,8 @@ template <class Types, int IMAGES, int LENS, class Meshes, class Centres> struct
             }
             const auto its =
                 view_ray<LENS>(camera, i + Neighborhood3x3::right(place), j + Neighborhood3x3::down(place));
-            return !is_sided || part_at<LENS>(record, its, seen.depth(pixel)) == part ? cost : cost + NORMAL_WEIGHT;
+            return !is_sided || part_at<Types, LENS>(record, its, seen.depth(pixel)) == part ? cost
+                                                                                             : cost + NORMAL_WEIGHT;
         };
         float least = cost_of(best_at, MISS);
         while (true) {

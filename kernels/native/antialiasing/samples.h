@@ -122,6 +122,9 @@ template <class Meshes> WARPCAM_DEVICE Vec3 face_normal(const Meshes& meshes, un
 }
 
 constexpr int TYPES_WITH_FACES = types_with([](auto shape) { return shape.HAS_FACES; });
+constexpr int TYPES_WITH_PARTS = TYPES_WITH_FACES | 1 << HEIGHT_FIELD;
+// Tolerance of places on a side or the base of a height field, in parts of its half width.
+constexpr float ON_SIDE = 1.0e-4f;
 
 // True if a shape, which may be none, has sides that meet in edges.
 template <class Types, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes& shapes, int shape)
@@ -130,11 +133,25 @@ template <class Types, class Shapes> WARPCAM_DEVICE bool has_sides(const Shapes&
     return SIDED && shape >= 0 && (SIDED >> wp::index(shapes.types, shape) & 1);
 }
 
-// Smooth part that a shape shows at a depth of a ray: a box's side, or a cylinder's side or end.
-template <int LENS> WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
+// Part of a height field at a place: its ground, its base, or one of the sides between these.
+WARPCAM_DEVICE int height_field_part(const ShapeRecord& record, Vec3 p)
+{
+    const float gap = ON_SIDE * max(record.size.x, record.size.y);
+    if (record.size.x - abs(p.x) < gap)
+        return p.x > 0.0f ? 1 : 2;
+    if (record.size.y - abs(p.y) < gap)
+        return p.y > 0.0f ? 3 : 4;
+    return p.z + record.size.z < gap ? 5 : 0;
+}
+
+// Smooth part that a shape shows at a depth of a ray: a box's side, a cylinder's side or end, a height field's part.
+template <class Types, int LENS>
+WARPCAM_DEVICE int part_at(const ShapeRecord& record, const CameraRay<LENS>& ray, float depth)
 {
     const Ray local = ray.local(record);
     const Vec3 p = local.origin + depth * local.direction;
+    if (Types::has(HEIGHT_FIELD) && record.axis_x.w == HEIGHT_FIELD)
+        return height_field_part(record, p);
     int face = 0;
     visit_known_shape<TYPES_WITH_FACES>(record.axis_x.w, [&](auto shape) { face = shape.face_at(p); });
     return face;
@@ -151,7 +168,7 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
 {
     if ((edge & PLAIN) && record.origin.w == seen.shape(seen.at(i, j)))
         return ITSELF;
-    constexpr int SIDED = Types::GEOMETRY & TYPES_WITH_FACES;
+    constexpr int SIDED = Types::GEOMETRY & TYPES_WITH_PARTS;
     const int type = record.axis_x.w;
     const bool is_face = Types::has(MESH) && type == MESH && face >= 0;
     const bool is_sided = SIDED && (SIDED >> type & 1);
@@ -159,18 +176,18 @@ WARPCAM_DEVICE int shown_sample(const EdgeTester<LENS, Centres>& seen, const Mes
     Vec3 normal { 0.0f, 0.0f, 0.0f };
     if (is_face)
         normal = face_normal(meshes, rows, face);
-    const int part = is_sided ? part_at<LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
+    const int part = is_sided ? part_at<Types, LENS>(record, sample_ray<LENS>(camera, i, j, sample), depth) : -1;
     const auto normal_cost = [&](int column, int row, unsigned pixel) {
         if (is_face)
             return NORMAL_WEIGHT
                    * (1.0f
                       - dot(normal, face_normal(meshes, rows,
                                                 int(seen.centres.target.face.data[seen.centres.of_images(pixel)]))));
-        return !is_sided || part_at<LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
+        return !is_sided || part_at<Types, LENS>(record, view_ray<LENS>(camera, column, row), seen.depth(pixel)) == part
                    ? 0.0f
                    : NORMAL_WEIGHT;
     };
-    return show(is_face || is_sided || type == HEIGHT_FIELD, normal_cost);
+    return show(is_face || is_sided, normal_cost);
 }
 
 template <class Types, int IMAGES, int LENS, class Meshes, class Centres>
