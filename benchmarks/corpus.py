@@ -21,10 +21,10 @@ import numpy as np
 import warp as wp
 
 import warpcam as wc
-from warpcam.sources import load_file
+from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 
-SUFFIXES = (*load_file.USD, *load_file.MESHES, ".urdf")
+SUFFIXES = (*formats.USD, *formats.MESHES, ".urdf")
 FINE = ("rendered", "refused")
 SIZE = 64  # of the image [pixels]
 

@@ -9,7 +9,7 @@ import numpy as np
 from warpcam.benchmarks.cases import Case
 from warpcam.benchmarks.scenes import facing
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.load_file import USD
+from warpcam.sources.common.formats import USD
 from warpcam.sources.mujoco import urdf
 
 ADDED = "whole scene"  # camera of a scene that has none
