@@ -1,5 +1,6 @@
 """Compilation: options of modules that call native code, and modules loaded ahead of their launches."""
 
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -11,6 +12,8 @@ import warp as wp
 from warpcam.kernels.runtime.cpu_pool import cpu_threads
 
 NATIVE = Path(__file__).resolve().parents[1] / "native"
+
+_loading: dict[str, threading.Lock] = {}  # of modules, by their names
 
 
 def compiler_flags() -> dict[str, Any]:
@@ -82,8 +85,9 @@ def load_modules(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> 
         blocks.setdefault(module, {})[block_dim if device.is_cuda else 1] = None
 
     def loaded(module: wp.Module) -> None:
-        for block_dim in blocks[module]:
-            wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
+        with _loading.setdefault(module.name, threading.Lock()):  # Warp would load it twice, and free what runs already
+            for block_dim in blocks[module]:
+                wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
 
     if not device.is_cuda or len(blocks) < 2:
         for module in blocks:

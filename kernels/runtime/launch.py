@@ -69,6 +69,7 @@ class Stage:
 
     def prepare(self) -> None:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
+        load_modules([(self.module, self.block_dim)], self.device)
         count = min(self._dim, 1 if self.device.is_cuda else cpu_pool.cpu_chunks())
         bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
         self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
