@@ -147,7 +147,7 @@ def time_graphs(
 
 
 def frame_count(guess: float, sets: int) -> int:
-    """How many frames of so many milliseconds are timed on a GPU."""
+    """Number of frames of so many milliseconds that are timed on a GPU."""
     fits = 1e3 * GPU_BUDGET / max(guess, 1e-3)
     return int(np.clip(fits, np.clip(1e3 * LONG / max(guess, 1e-3), sets, MIN_FRAMES), MAX_FRAMES))
 

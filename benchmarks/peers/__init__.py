@@ -55,7 +55,7 @@ def installed() -> list[str]:
 
 
 def draws(name: str, wanted: Wanted, worlds: int, setting: Setting) -> bool:
-    """Whether a renderer is asked for these outputs in so many worlds."""
+    """Return True if a renderer is asked for these outputs in so many worlds."""
     if name == "mujoco":
         few = worlds <= FEW_WORLDS and setting.width * setting.height >= LARGE_PIXELS
         return few and COMPARED.issuperset(wanted.outputs)

@@ -14,7 +14,7 @@ from warpcam.benchmarks.suite.recipes import FAMILIES, Recipe, recipe_of, recipe
 
 @dataclass(frozen=True)
 class Builder:
-    """How a family's scenes are built.
+    """Builder of a family's scenes.
 
     Attributes:
         build: Adds so many shapes to a place.

@@ -29,7 +29,7 @@ class Room:
             place.box((0.0, 0.0, HIGH + 0.05), (2.0 * x, 2.0 * y, 0.1), rgba=(0.85, 0.85, 0.83, 1.0))
 
     def may_move(self, shapes: int) -> bool:
-        """Whether so many shapes more may move, and if so counts them."""
+        """Return True if so many shapes more may move, and count them."""
         enough = self.moving + shapes <= LOOSE * self.place.recipe.shapes
         self.moving += shapes if enough else 0
         return enough

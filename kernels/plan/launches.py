@@ -63,7 +63,7 @@ class SceneTypes:
 
     @property
     def native(self) -> str:
-        """The same as a type of C++: native/camera/shape_record.h."""
+        """C++ type of the same features: native/camera/shape_record.h."""
         return f"warpcam::SceneTypes<{int(self.geometry)}, {int(self.scene)}>"
 
 

@@ -29,7 +29,7 @@ def heap(least: float) -> mujoco.MjModel:
 
 @pytest.mark.parametrize("least", [0.02, 0.004])  # a pixel is 15 mm
 def test_coverage_is_that_of_mujocos_samples(least: float, device: wp.Device) -> None:
-    """What MuJoCo shows with four samples is met better by far than by its own picture with 64.
+    """MuJoCo's picture of four samples is met better by far than by its own picture with 64.
 
     Without light and shade its samples have a triangle's own colour, so that only where they lie is compared.
     """

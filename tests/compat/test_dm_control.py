@@ -192,7 +192,7 @@ def test_pixels_as_observations(installed: None) -> None:
 
 
 def test_contexts_can_be_made_current_and_called(installed: None) -> None:
-    """As tasks do to upload; there is nothing else of OpenGL in them."""
+    """Tasks call it to upload; there is nothing else of OpenGL in them."""
     one = physics()
     first = one.render(HEIGHT, WIDTH)
     with one.contexts.gl.make_current() as context:

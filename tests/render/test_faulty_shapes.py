@@ -180,7 +180,7 @@ def test_many_shapes_and_out_of_sight(device: wp.Device, fault: str) -> None:
 @pytest.mark.parametrize("alpha", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize("fault", ["rotation of zeros", "size of zeros"])
 def test_what_is_hidden_is_no_fault(device: wp.Device, fault: str, alpha: float) -> None:
-    """Of shapes seen through, which other passes draw, it is one."""
+    """One of the shapes that are seen through, which other passes draw."""
     what, value, _ = FAULTS[fault]
     mjm = model_of("box", '<geom size=".1" rgba="1 1 1 .5"/>')
     with wp.ScopedDevice(device):

@@ -1,6 +1,6 @@
 // Smooth edges of scenes of few shapes without meshes and height fields, on CUDA: all pixels of a region together.
 //
-// What the trace has found is kept in shared memory: see PixelCache. An id is a byte, so that tables by id tell which
+// Results of the trace are kept in shared memory: see PixelCache. An id is a byte, so that tables by id tell which
 // shapes are seen around the pixels with edges, and their bits.
 #pragma once
 #include "antialiasing/neighborhood.h"

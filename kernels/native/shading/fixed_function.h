@@ -222,7 +222,7 @@ template <bool IS_SPOT> WARPCAM_DEVICE LightWeights<float> share_of(const Light&
              arrival.facing > 0.0f ? arrival.strength * highlight_power : 0.0f };
 }
 
-// What a surface sends to the camera, before its texture: all of it, and what a display has of it, which is clipped to
+// Light that a surface sends to the camera, before its texture: all of it, and the part that a display shows, clipped to
 // [0, 1]. With shadows each light that casts one is drawn on its own: it is clipped, textured and then added to the
 // rest, so that the sum can pass 1 where the texture is dark.
 template <class Vector> struct LitColorOf {

@@ -36,7 +36,7 @@ struct BarrelTraits : AxialTraits {
         return sqrt(wide * wide + y * y);
     }
 
-    // How far a point is outside of the side, by the squares of distances, is convex along a ray: Newton's steps from
+    // The distance of a point outside of the side, by squares of distances, is convex along a ray: Newton's steps from
     // before the entry never pass it, or the rate turns positive, and there is none.
     template <class Vector> static WARPCAM_DEVICE NumberOf<Vector> intersect(const Float3Int& size, Vector o, Vector d)
     {

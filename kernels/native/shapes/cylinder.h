@@ -16,7 +16,7 @@ struct CylinderTraits : AxialTraits {
         return a.z + sqrt(a.x * a.x + a.y * a.y);
     }
 
-    // Where the cap and the side meet no ray is lost between them, as it would be if each had to be met within its own
+    // No ray is lost between the cap and the side where they meet, as it would be if each had to be met within its own
     // edge.
     template <class Vector> static WARPCAM_DEVICE NumberOf<Vector> intersect(const Float3Int&, Vector o, Vector d)
     {
@@ -35,7 +35,7 @@ struct CylinderTraits : AxialTraits {
         return x + y < z;
     }
 
-    // Of the side, or of the cap by which the ray can enter, whichever is nearer to the hit.
+    // The normal of the side, or of the cap by which the ray can enter, whichever is nearer to the hit.
     static WARPCAM_DEVICE Vec3 gradient(const Float3Int&, Vec3 at, Vec3 ray)
     {
         const float axial = at.x * at.x + at.y * at.y;

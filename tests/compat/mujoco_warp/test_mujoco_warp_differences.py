@@ -1,4 +1,4 @@
-"""Where MuJoCo-Warp's renderer differs, as the page about these calls says; without a difference the page is wrong."""
+"""Differences of MuJoCo-Warp's renderer, as the page about these calls says; without a difference the page is wrong."""
 
 from typing import Any
 
@@ -45,7 +45,7 @@ def test_arguments_without_an_effect(lit: mujoco.MjModel, options: dict[str, Any
 
 
 def test_planes_are_seen_from_above_alone(device: wp.Device) -> None:
-    """As MuJoCo-Warp has it, and not as MuJoCo's renderer does."""
+    """MuJoCo-Warp's way, not that of MuJoCo's renderer."""
     mjm = scenes.compile_xml('<camera pos="0 0 -3" quat="0 1 0 0"/><geom type="plane" size="1 1 .1"/>')
     for system in (ours, mjw):
         seen = images(system, mjm)

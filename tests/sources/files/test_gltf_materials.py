@@ -93,7 +93,7 @@ UNLIT: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("output", ["rgb", "albedo"])
 @pytest.mark.parametrize("kind", UNLIT)
 def test_unlit(kind: str, output: str, tmp_path: Path, device: wp.Device) -> None:
-    """What is unlit shows its base colour, and neither shines nor reflects beside it."""
+    """Unlit surfaces show their base colour, and neither shine nor reflect beside it."""
     more = dict(UNLIT[kind])
     said = material("KHR_materials_unlit", more.pop("said")) | {"emissiveFactor": [1, 1, 1]}
     if "image" in more:

@@ -28,7 +28,7 @@ def albedo(model: mujoco.MjModel, device: wp.Device) -> np.ndarray:
 
 @pytest.mark.parametrize("corner", [0, 1, 2])
 def test_faces_without_coordinates_are_projected(corner: int, device: wp.Device) -> None:
-    """As mujoco_warp's renderer does, and as meshes without any coordinates are."""
+    """The way of mujoco_warp's renderer, and of meshes without any coordinates."""
     model = mujoco.MjModel.from_xml_string(XML)
     model.mesh_facetexcoord[:, corner] = -1
     missing = albedo(model, device)

@@ -49,14 +49,14 @@ def laid(
 
 
 def extension(entry: Any, name: str) -> Mapping[str, Any] | None:
-    """What an extension says of a thing, or None."""
+    """Return the content of an extension of an entry, or None."""
     found = entry.get("extensions") if isinstance(entry, Mapping) else None
     said = found.get(name) if isinstance(found, Mapping) else None
     return said if isinstance(said, Mapping) else None
 
 
 def is_unlit(material: Any) -> bool:
-    """Whether a material shows its base colour whatever the light is."""
+    """Return True if a material shows its base colour whatever the light is."""
     return extension(material, UNLIT) is not None
 
 
@@ -85,7 +85,7 @@ def _listed(tree: Mapping[str, Any], name: str, index: Any) -> Mapping[str, Any]
 
 
 def wrap_of(tree: Mapping[str, Any], texture: Mapping[str, Any]) -> tuple[str, str]:
-    """How the image of a texture info goes on beyond its sides, along u and v."""
+    """Return the wrap modes of a texture info's image along u and v."""
     sampler = sampler_of(tree, texture.get("index"))
     first, second = (WRAPS.get(sampler.get(key, REPEAT), "repeat") for key in ("wrapS", "wrapT"))
     return first, second

@@ -303,7 +303,7 @@ class _Robot:
 
 
 def _is_inertia(inertia: ElementTree.Element) -> bool:
-    """Whether MuJoCo takes it: zeros it makes greater itself, but not what is negative along some axis."""
+    """Return True if MuJoCo accepts the inertia: it raises zeros itself, but refuses what is negative along an axis."""
     try:
         xx, xy, xz, yy, yz, zz = (float(inertia.get(axis, "0")) for axis in AXES)
     except ValueError:

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 @dataclass(frozen=True)
 class UrdfLook:
-    """What a material says.
+    """Appearance that a material of a URDF file gives.
 
     Attributes:
         rgba: Display colour, or None.

@@ -121,7 +121,7 @@ def _front(part: Part) -> Part:
 
 
 def _is_closed(part: Part) -> bool:
-    """Whether each edge lies between two faces, or an even number of them."""
+    """Return True if each edge lies between two faces, or an even number of them."""
     _, faces = _merged(part.vertices, part.faces)
     edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1).astype(np.int64)
     counts = np.unique(edges[:, 0] << 32 | edges[:, 1], return_counts=True)[1]
