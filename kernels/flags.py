@@ -109,7 +109,7 @@ class ImageFlag(IntFlag):
 
 
 class ShadingFlag(IntFlag):
-    """Facts of a scene and an image for the shading pass: native/shading/appearance.h and world_overrides.h."""
+    """Features of a scene and an image that shading is compiled for: native/shading/appearance.h, world_overrides.h."""
 
     HAS_MATERIALS = 1
     HAS_TEXTURES = 2
@@ -133,7 +133,7 @@ class ShadingFlag(IntFlag):
     HAS_MIPS = 1 << 24  # each texture but cubes has a mipmapped one; told where floors are looked up by them
 
 
-NO_FACTS = ShadingFlag(0)
+NO_SHADING_FLAGS = ShadingFlag(0)
 
 
 class SplatFlag(IntFlag):

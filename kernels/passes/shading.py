@@ -70,17 +70,17 @@ def images_struct() -> Any:
 def _kernel(key: ShadingKey, frame_type: Any) -> wp.Kernel:
     images_type = images_struct()
     types, lens, capacity, (width, height) = key.types.native, int(key.lens), key.capacity, key.region
-    written, facts = int(key.images), int(key.facts)
+    written, flags = int(key.images), int(key.flags)
     more = f", {key.transparent}" if key.transparent else ""
     lights_type: Any = Lights
     scene = "warpcam::Scene { frame, images, shapes, meshes, fields, materials, textures, background }"
-    if key.facts & ShadingFlag.PHYSICAL:
+    if key.flags & ShadingFlag.PHYSICAL:
         lights_type = Physical
         scene = f"warpcam::PhysicalScene {{ {scene}, lights }}"
 
     return make_kernel(
         "write_images",
-        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {written}, {facts}{more}>"
+        f"warpcam::resolve<{types}, {lens}, {capacity}, {width}, {height}, {written}, {flags}{more}>"
         f"({scene}, lights, index);",
         {
             "frame": frame_type,
@@ -105,8 +105,8 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     Of the view from behind mirrors the images are what the mirrors show, black where they show nothing. In the view
     itself that lies in the images already, and is added to.
     """
-    tables, facts = frame.tables, planned.key.facts
-    more, varied = facts & LAYER_FLAGS, facts & OVERRIDE_FLAGS and tables.world_overrides is not None
+    tables, flags = frame.tables, planned.key.flags
+    more, varied = flags & LAYER_FLAGS, flags & OVERRIDE_FLAGS and tables.world_overrides is not None
     kind = "overridden" if varied else "layered" if more else "plain"
     frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind))
     if varied:
@@ -116,7 +116,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         seen.mirrors = frame.mirrors
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
-    seen.views = frame.mirrored if facts & ShadingFlag.MIRROR_VIEW else frame.views
+    seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
     frame.fill(planned, seen, ("shadow",))
     seen.horizon, seen.plane = tables.horizon, tables.first_plane
     images = frame.fill(planned, images_struct()(), IMAGES)

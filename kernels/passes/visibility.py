@@ -28,7 +28,7 @@ def _kernel(key: TraceKey, target_type: Any) -> wp.Kernel:
     if key.outputs & TraceFlag.TRACE_ALBEDO:
         header, function = (
             "shading_pass/visibility_albedo.h",
-            f"draw_with_albedo<{types}, {capacity}, {width}, {height}, {outputs}, {int(key.facts)}>",
+            f"draw_with_albedo<{types}, {capacity}, {width}, {height}, {outputs}, {int(key.flags)}>",
         )
     return closest_hit_kernel(header, function, key.blocks, target_type)
 

@@ -13,7 +13,7 @@ wp.set_module_options(compiler_flags())
 
 @wp.struct
 class WorldOverrides:
-    """Arrays that are read where the scene or the camera has such a fact; else they may be empty."""
+    """Arrays that are read where the scene or the camera has such a feature; else they may be empty."""
 
     texture_offsets: wp.array2d(dtype=wp.vec2)  # (world*, material) added to u and v, which is down [images]
     backgrounds: wp.array(dtype=wp.vec3)  # (world*,) display colour

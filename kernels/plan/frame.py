@@ -265,8 +265,8 @@ class _Planner:
         return tuple(images.items()), derived
 
     def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass[Any]:
-        roles, facts = [role for role, _ in arrays], shading.traced_albedo_facts(self.tables)
-        launch = self._plan(trace.plan_trace, images=roles, facts=facts, opaque=opaque, listed=self.listed)
+        roles, flags = [role for role, _ in arrays], shading.traced_albedo_flags(self.tables)
+        launch = self._plan(trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed)
         return self._pass("trace", launch, arrays)
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
@@ -291,9 +291,9 @@ class _Planner:
         seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
         return self._pass("Gaussians", launch, (*seen, *images.items()))
 
-    def _plan(self, plan: Callable[..., Result], **facts: Any) -> Result:
-        """Call a plan whose arguments are scene, request, device and group, and facts of its own."""
-        return plan(self.tables, self.request, self.device, self.group, **facts)
+    def _plan(self, plan: Callable[..., Result], **more: Any) -> Result:
+        """Call a plan whose arguments are scene, request, device and group, and more of its own."""
+        return plan(self.tables, self.request, self.device, self.group, **more)
 
     def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass[Any]:
         return PlannedPass(name, launch.key, launch.threads, arrays)

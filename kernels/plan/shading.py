@@ -56,7 +56,7 @@ class ShadingKey:
     capacity: int  # shapes whose appearance a block keeps
     region: tuple[int, int]  # of a block [pixels]
     images: ImageFlag
-    facts: ShadingFlag
+    flags: ShadingFlag
     transparent: int  # transparent shapes that a pixel's block has room for; 0: there are none
 
     @property
@@ -66,7 +66,7 @@ class ShadingKey:
             return TRANSPARENT_BLOCKS
         if self.images & LIT_FLAGS:
             apart = ShadingFlag.SEPARATE_PLANE_PATH | ShadingFlag.PLANE_STRIPS
-            return 6 if self.facts & apart == apart else 5
+            return 6 if self.flags & apart == apart else 5
         return 7 if self.images & ImageFlag.ALBEDO else 8
 
 
@@ -106,21 +106,21 @@ def plan_shading(
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
     overrides = override_flags(tables.world_overrides, tables.headlights)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
-    facts = appearance_facts(tables, shadows) | layered | overrides
+    flags = appearance_flags(tables, shadows) | layered | overrides
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
-        facts |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
+        flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
         plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
         by_vertices = not shadows or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
         strips = strips and plain and by_vertices
-        facts |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
+        flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)
     if not device.is_cuda and 0 < capacity <= FEW:
-        facts |= ShadingFlag.HAS_MATERIALS
+        flags |= ShadingFlag.HAS_MATERIALS
         if not set(LIT).isdisjoint(outputs):
-            facts |= flag_if(ShadingFlag.HAS_SKYBOX, tables.physical is None)
+            flags |= flag_if(ShadingFlag.HAS_SKYBOX, tables.physical is None)
     images = ImageFlag(0)
     for name in outputs:
         images |= IMAGES[name]
@@ -134,7 +134,7 @@ def plan_shading(
         capacity=capacity,
         region=region,
         images=images,
-        facts=facts,
+        flags=flags,
         transparent=transparent,
     )
     return PlannedLaunch(key, threads)
@@ -151,8 +151,8 @@ def has_strips(shape_types: Collection[int], num_drawn: int) -> bool:
     return PLANE in shape_types and num_drawn <= MAX_STRIPS
 
 
-def appearance_facts(tables: SceneTables, shadows: bool = False) -> ShadingFlag:
-    """Facts of a scene's materials, textures and lights."""
+def appearance_flags(tables: SceneTables, shadows: bool = False) -> ShadingFlag:
+    """Flags of a scene's materials, textures and lights."""
     plane_path = has_plane_path(tables.shape_types, tables.num_drawn)
     return (
         flag_if(ShadingFlag.HAS_MATERIALS, tables.has_materials)
@@ -165,9 +165,9 @@ def appearance_facts(tables: SceneTables, shadows: bool = False) -> ShadingFlag:
     )
 
 
-def traced_albedo_facts(tables: SceneTables) -> ShadingFlag:
-    """Facts for a trace that writes albedo."""
-    return appearance_facts(tables) | flag_if(ShadingFlag.HAS_MIPS, tables.has_mips)
+def traced_albedo_flags(tables: SceneTables) -> ShadingFlag:
+    """Flags for a trace that writes albedo."""
+    return appearance_flags(tables) | flag_if(ShadingFlag.HAS_MIPS, tables.has_mips)
 
 
 def override_flags(overrides: Any, headlights: bool) -> ShadingFlag:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import warp as wp
 
 from warpcam.kernels.flags import (
-    NO_FACTS,
+    NO_SHADING_FLAGS,
     TRAVERSED,
     GeometryFlag,
     Lens,
@@ -73,7 +73,7 @@ class TraceKey:
     several: bool  # passes, which go on from each other's depth and shape
     region: tuple[int, int]  # of a block [pixels]
     outputs: TraceFlag
-    facts: ShadingFlag  # of the scene, where albedo is traced
+    flags: ShadingFlag  # of the scene, where albedo is traced
 
     @property
     def blocks(self) -> int:
@@ -117,7 +117,7 @@ def plan_trace(
     group: Group,
     *,
     images: Collection[str],
-    facts: ShadingFlag,
+    flags: ShadingFlag,
     opaque: bool = False,
     listed: bool = False,
 ) -> PlannedLaunch[TraceKey]:
@@ -129,7 +129,7 @@ def plan_trace(
         device: Where it runs.
         group: Worlds that are traced.
         images: Names of all arrays that are written, "depth", "shape" and "face" among them.
-        facts: Of the scene's looks.
+        flags: Of the scene's looks.
         opaque: Transparent shapes are left out.
         listed: A stage has listed the shapes.
     """
@@ -160,7 +160,7 @@ def plan_trace(
         several=tables.num_drawn > capacity,
         region=region,
         outputs=outputs,
-        facts=facts if with_albedo else NO_FACTS,
+        flags=flags if with_albedo else NO_SHADING_FLAGS,
     )
     return PlannedLaunch(key, threads)
 

@@ -56,7 +56,7 @@ def test_lenses_are_alike() -> None:
             ShadingFlag,
             "",
             [
-                ("shading/appearance.h", "Fact"),
+                ("shading/appearance.h", "ShadingFlag"),
                 ("shading/appearance.h", "LayerFact"),
                 ("shading/world_overrides.h", "OverrideFact"),
             ],

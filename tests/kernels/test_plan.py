@@ -11,8 +11,8 @@ from sphere_scenes import Simulation
 
 from warpcam.kernels import types
 from warpcam.kernels.flags import (
-    NO_FACTS,
     NO_SCENE_FLAGS,
+    NO_SHADING_FLAGS,
     GeometryFlag,
     ImageFlag,
     Lens,
@@ -46,7 +46,7 @@ def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS
 
 def traced(tables: SceneTables, device: Any, *images: str, **other: Any) -> trace.TraceKey:
     images = images or ("depth", "shape")
-    return trace.plan_trace(tables, REQUEST, device, ALL, images=images, facts=NO_FACTS, **other).key
+    return trace.plan_trace(tables, REQUEST, device, ALL, images=images, flags=NO_SHADING_FLAGS, **other).key
 
 
 def test_keys_are_frozen_and_equal_by_value() -> None:
@@ -81,9 +81,9 @@ def test_a_trace_knows_nothing_of_appearance_unless_it_writes_albedo() -> None:
     tables = scene(flags=SceneFlag.TEXTURE_FROM_ABOVE | SceneFlag.TWO_SIDED)
     assert traced(tables, CARD).types.scene == SceneFlag.TWO_SIDED
     assert SceneFlag.TEXTURE_FROM_ABOVE in traced(tables, CARD, "depth", "albedo").types.scene
-    facts = ShadingFlag.HAS_MATERIALS
-    plain = trace.plan_trace(tables, REQUEST, CARD, ALL, images=("depth",), facts=facts).key
-    assert plain.facts == NO_FACTS
+    flags = ShadingFlag.HAS_MATERIALS
+    plain = trace.plan_trace(tables, REQUEST, CARD, ALL, images=("depth",), flags=flags).key
+    assert plain.flags == NO_SHADING_FLAGS
 
 
 def test_scenes_of_a_set_of_shape_types_share_kernels_of_a_cpu_alone() -> None:
@@ -154,11 +154,11 @@ def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) 
     tables = scene(types.PLANE, types.BOX)
     request = ImageRequest(width, 64, "pinhole", ("rgb",))
     plan = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=False)
-    assert (ShadingFlag.PLANE_STRIPS in plan.key.facts) == strips
+    assert (ShadingFlag.PLANE_STRIPS in plan.key.flags) == strips
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)
     on_cpu = shading.plan_shading(tables, request, CPU, ALL, outputs=("rgb",), shadows=False)
-    assert not on_cpu.key.facts & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
+    assert not on_cpu.key.flags & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
 
 
 def test_colours_of_few_shapes_share_a_kernel_of_a_cpu() -> None:

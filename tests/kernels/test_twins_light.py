@@ -225,15 +225,15 @@ def sample_of(form):
     )
 
 
-def whole(form, facts, tolerance=5e-4):
+def whole(form, flags, tolerance=5e-4):
     """All of a pixel's physically based light."""
     kind = "BOX"
-    head = f"using KINDS = {scene_types(kind)}; constexpr int FACTS = {facts};"
+    head = f"using KINDS = {scene_types(kind)}; constexpr int FLAGS = {flags};"
     return Twin(
         lamplit,
         setup=head + POSE.replace("TYPE", kind) + LAMPS.replace("FORM", form) + MATERIAL,
         one="const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, 0, vec(0), vec(24));"
-        "close(shade_physically<KINDS, PINHOLE, FACTS>(look, list, scene, camera, 0.0f, 0.0f, surface, vec(0), vec(24),"
+        "close(shade_physically<KINDS, PINHOLE, FLAGS>(look, list, scene, camera, 0.0f, 0.0f, surface, vec(0), vec(24),"
         "1.0f, vec(27), (int)in(30)));",
         eight="int faces[SIMD_WIDTH] {}; SurfaceInteraction8 surface;"
         "surface.local = vec(0);"
@@ -242,7 +242,7 @@ def whole(form, facts, tolerance=5e-4):
         "    right = broadcast(pose.local(step_right<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
         "    down = broadcast(pose.local(step_down<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
         "};"
-        "Vec3x8 light; shade_eight_physically<KINDS, FACTS>(look, list, scene, camera.rotation, steps, surface, vec(0),"
+        "Vec3x8 light; shade_eight_physically<KINDS, FLAGS>(look, list, scene, camera.rotation, steps, surface, vec(0),"
         "-normalized(vec(0)), vec(24), vec(27), to_int(in(30)), light); close(light);",
         rtol=tolerance,
         atol=tolerance,

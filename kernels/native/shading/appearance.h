@@ -10,8 +10,8 @@ namespace warpcam {
 
 // Bits of a set of images: what shading_pass/shading_pass.h writes. Values of flags.py.
 enum ImageBit { RGB = 1, RGBA = 2, HDR = 4, NORMALS = 8, ALBEDO = 16 };
-// Facts of a scene and of an image.
-enum Fact {
+// Features of a scene and of an image that shading is compiled for.
+enum ShadingFlag {
     HAS_MATERIALS = 1,
     HAS_TEXTURES = 2,
     HAS_SKYBOX = 4,
@@ -38,21 +38,21 @@ enum LayerFact {
 };
 
 // Inputs that a set of images and flags needs.
-template <int IMAGES, int FACTS> struct ShadingNeeds {
+template <int IMAGES, int FLAGS> struct ShadingNeeds {
     static constexpr bool DISPLAY = (IMAGES & (RGB | RGBA)) != 0;
     static constexpr bool LIT = DISPLAY || (IMAGES & HDR);
     static constexpr bool COLORED = LIT || (IMAGES & ALBEDO);
-    static constexpr bool MATERIAL = FACTS & HAS_MATERIALS;
-    static constexpr bool TEXTURED = COLORED && MATERIAL && (FACTS & HAS_TEXTURES);
-    static constexpr bool SHIFTED = TEXTURED && (FACTS & HAS_OFFSETS);
-    static constexpr bool USE_ATLAS = TEXTURED && (FACTS & SEPARATE_PLANE_PATH);
+    static constexpr bool MATERIAL = FLAGS & HAS_MATERIALS;
+    static constexpr bool TEXTURED = COLORED && MATERIAL && (FLAGS & HAS_TEXTURES);
+    static constexpr bool SHIFTED = TEXTURED && (FLAGS & HAS_OFFSETS);
+    static constexpr bool USE_ATLAS = TEXTURED && (FLAGS & SEPARATE_PLANE_PATH);
     static constexpr bool WORLD_NORMALS = IMAGES & NORMALS;
     static constexpr bool SURFACE = LIT || TEXTURED || WORLD_NORMALS;
-    static constexpr bool PBR = COLORED && (FACTS & PHYSICAL);
-    static constexpr bool MAPPED = PBR && (FACTS & HAS_MAPS);
-    static constexpr bool GOURAUD = LIT && !(FACTS & PHYSICAL);
-    static constexpr bool JOINS = LIT && (FACTS & HAS_SHADOWS);
-    static constexpr bool DIMMED = FACTS & MIRROR_VIEW;  // colours are those that the mirror shows
+    static constexpr bool PBR = COLORED && (FLAGS & PHYSICAL);
+    static constexpr bool MAPPED = PBR && (FLAGS & HAS_MAPS);
+    static constexpr bool GOURAUD = LIT && !(FLAGS & PHYSICAL);
+    static constexpr bool JOINS = LIT && (FLAGS & HAS_SHADOWS);
+    static constexpr bool DIMMED = FLAGS & MIRROR_VIEW;  // colours are those that the mirror shows
 };
 
 // Material of a shape in a physically based scene, with the shape's own colour resolved.

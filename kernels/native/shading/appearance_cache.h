@@ -76,7 +76,7 @@ WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene)
 
 #if defined(__CUDA_ARCH__)
 // The pixel of a thread in one of a region's tiles, row after row.
-template <int WIDTH, int FACTS, class Frame_>
+template <int WIDTH, int FLAGS, class Frame_>
 WARPCAM_DEVICE void seek_tile(Pixel& pixel, const Frame_& frame, unsigned first, int left, int top, unsigned tile)
 {
     left += tile % (WIDTH / TILE_WIDTH) * TILE_WIDTH;
@@ -86,11 +86,11 @@ WARPCAM_DEVICE void seek_tile(Pixel& pixel, const Frame_& frame, unsigned first,
     pixel.width = frame.width - left;
     pixel.height = frame.height - top;
     pixel.at = first + pixel.row * frame.width + pixel.column;
-    pixel.inside = (FACTS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
+    pixel.inside = (FLAGS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
 }
 
 // Keeps the looks of the shapes that a region shows. The threads of a block share the work.
-template <int WIDTH, int HEIGHT, int FACTS, int SIZE, class EdgeTester, class Scene_>
+template <int WIDTH, int HEIGHT, int FLAGS, int SIZE, class EdgeTester, class Scene_>
 WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Camera& camera, int world, unsigned first,
                                  int left, int top, int thread)
 {
@@ -105,7 +105,7 @@ WARPCAM_DEVICE void gather_looks(EdgeTester& seen, const Scene_& scene, const Ca
 #pragma unroll 1
     for (unsigned tile = unsigned(thread) / WARP_SIZE; tile < WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
          tile += THREADS / WARP_SIZE) {
-        seek_tile<WIDTH, FACTS>(pixel, scene.frame, first, left, top, tile);
+        seek_tile<WIDTH, FLAGS>(pixel, scene.frame, first, left, top, tile);
         const int id = pixel.inside ? scene.frame.shape.data[pixel.at] : -1;
         if (id >= 0 && id != scene.frame.plane)
             seen.marks[scene.shapes.places.data[id]] = 1;

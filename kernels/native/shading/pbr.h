@@ -14,13 +14,13 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 
 // The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
 // light l, of those that are kept, does not reach it.
-template <int FACTS, class Scene_, class Vector>
+template <int FLAGS, class Scene_, class Vector>
 WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const AreaLights& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
                                      IntOf<Vector> shadow)
 {
     using Number = NumberOf<Vector>;
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, IMAGE = FACTS & HAS_SKYBOX;
+    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS, IMAGE = FLAGS & HAS_SKYBOX;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
     Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
@@ -52,19 +52,19 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
 }
 
 // `place` is the hit in the camera's frame, `ray` the direction that it is seen along in the shape's.
-template <class Types, int LENS, int FACTS, class Appearances, class Scene_>
+template <class Types, int LENS, int FLAGS, class Appearances, class Scene_>
 WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
                                      const Camera& camera, float x, float y, const SurfaceInteraction& surface,
                                      Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
 {
     Vec3 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
-    const PbrInputs<Vec3> inputs = pbr_inputs_at<Types, LENS, (FACTS & HAS_MAPS) != 0>(
+    const PbrInputs<Vec3> inputs = pbr_inputs_at<Types, LENS, (FLAGS & HAS_MAPS) != 0>(
         look, scene.meshes, scene.textures, camera, x, y, surface, ray, depth, color, normal);
     normal = look.pose.seen(normal);
     Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         to_eye = -CameraRay<LENS> { x, y }.direction();
-    return physical_light<FACTS>(inputs, list, scene, camera.rotation, place, normal, to_eye, shadow);
+    return physical_light<FLAGS>(inputs, list, scene, camera.rotation, place, normal, to_eye, shadow);
 }
 
 }  // namespace warpcam

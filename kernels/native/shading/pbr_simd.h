@@ -75,7 +75,7 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
 }
 
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
-template <class Types, int FACTS, class Appearances, class Scene_, class Steps>
+template <class Types, int FLAGS, class Appearances, class Scene_, class Steps>
 WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list,
                                                         const Scene_& scene, const Mat3& rotation, const Steps& steps,
                                                         const SurfaceInteraction8& surface, const Vec3x8& place,
@@ -84,9 +84,9 @@ WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look,
 {
     Vec3x8 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     PbrInputs<Vec3x8> inputs;
-    pbr_inputs8_at<Types, (FACTS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
+    pbr_inputs8_at<Types, (FLAGS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
                                                    normal, inputs);
-    light = physical_light<FACTS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
+    light = physical_light<FLAGS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
 }
 
 }  // namespace warpcam

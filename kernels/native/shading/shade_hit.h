@@ -117,12 +117,12 @@ struct ShadedPixel {
     Vec3 albedo, linear, display;
 };
 
-template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int IMAGES, int FLAGS, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene,
                                     const Camera& camera, float x, float y, const Hit& found, int shadow,
                                     ShadedPixel& shown)
 {
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
     const float depth = found.depth;
     SurfaceInteraction surface;
     Vec3 place, ray;  // in the camera's frame; in the shape's
@@ -150,14 +150,14 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
             shown.albedo = linear_to_srgb(shown.albedo);
     }
     if constexpr (Wants::LIT && Wants::PBR) {
-        shown.linear = shade_physically<Types, LENS, FACTS>(look, lights, scene, camera, x, y, surface, place, ray,
+        shown.linear = shade_physically<Types, LENS, FLAGS>(look, lights, scene, camera, x, y, surface, place, ray,
                                                             depth, texture, shadow);
         shown.display = linear_to_srgb(shown.linear);
     } else if constexpr (Wants::LIT) {
-        constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+        constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
         // else draw_floor() did, or left this pixel out
         constexpr bool BY_CORNERS =
-            lit_by_corners<List>(SHADOWS) && (!(FACTS & SEPARATE_PLANE_PATH) || (IMAGES & (NORMALS | ALBEDO)));
+            lit_by_corners<List>(SHADOWS) && (!(FLAGS & SEPARATE_PLANE_PATH) || (IMAGES & (NORMALS | ALBEDO)));
         if constexpr (SHADOWS && (Types::GEOMETRY & SHADES_ITSELF))
             if (lights.dims && (SHADES_ITSELF >> look.pose.type() & 1))
                 shadow |= own_shadow(lights, camera, place, look.pose.seen(surface.normal));

@@ -10,7 +10,7 @@ template <class Textures> WARPCAM_DEVICE bool is_cube(const Textures& textures, 
     return is_texture(textures, texture) && wp::index(textures.kind, texture) == TEXTURE_CUBE;
 }
 
-// Facts of a scene and of a camera, beside those of shading/appearance.h. Values of flags.py.
+// Features of a scene and of a camera, beside those of shading/appearance.h. Values of flags.py.
 enum OverrideFact {
     PER_WORLD_BACKGROUND = 1 << 21,   // worlds have a background or a skybox of their own
     HEADLIGHTS = 1 << 22,  // worlds have a headlight of their own
@@ -23,9 +23,9 @@ struct Backdrop {
     int skybox;
 };
 
-template <int FACTS, class Scene_> WARPCAM_DEVICE decltype(auto) background_of(const Scene_& scene, int world)
+template <int FLAGS, class Scene_> WARPCAM_DEVICE decltype(auto) background_of(const Scene_& scene, int world)
 {
-    if constexpr ((FACTS & PER_WORLD_BACKGROUND) != 0) {
+    if constexpr ((FLAGS & PER_WORLD_BACKGROUND) != 0) {
         const auto& overrides = scene.frame.overrides;
         const int skybox = wp::index(overrides.skyboxes, remainder(world, overrides.skyboxes.shape[0]));
         return Backdrop { wp::index(overrides.backgrounds, remainder(world, overrides.backgrounds.shape[0])),
@@ -52,12 +52,12 @@ template <class Number, class Vector> WARPCAM_DEVICE Vector place_on_sky(Vector 
 
 // Colour where nothing is hit. The skybox lies on its side: its y axis is the world's z. `horizon`: see
 // shading/plane_grid.h; 0: the skybox is too far away to tell where rays begin.
-template <int LENS, int FACTS, class Textures, class Background>
+template <int LENS, int FLAGS, class Textures, class Background>
 WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background& background, const Camera& camera,
                                      float horizon, float x, float y)
 {
-    const Image image = FACTS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
-    if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
+    const Image image = FLAGS & HAS_SKYBOX ? load_image(textures, background.skybox) : Image { 0, 0, 0, 0 };
+    if ((FLAGS & HAS_SKYBOX) && image.levels > 0) {
         const Vec3 none { 0.0f, 0.0f, 0.0f };
         const bool flat = LENS == ORTHOGRAPHIC && !(horizon > 0.0f);
         Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
@@ -76,7 +76,7 @@ WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background&
 }
 
 // Index of the headlight's first colour.
-template <int FACTS> WARPCAM_DEVICE int headlight_of(int world) { return FACTS & HEADLIGHTS ? 3 * (world + 1) : 0; }
+template <int FLAGS> WARPCAM_DEVICE int headlight_of(int world) { return FLAGS & HEADLIGHTS ? 3 * (world + 1) : 0; }
 
 // Moves a shape's texture, in images; not a cube's.
 template <class Appearances, class Scene_>
@@ -94,9 +94,9 @@ WARPCAM_DEVICE void load_shift(Appearances& look, const Scene_& scene, int world
 }
 
 // Applies the camera's exposure to light.
-template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& scene, int world, Vec3 light)
+template <int FLAGS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& scene, int world, Vec3 light)
 {
-    if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
+    if constexpr ((FLAGS & HAS_EXPOSURE) != 0) {
         const auto& overrides = scene.frame.overrides;
         return pow(2.0f, wp::index(overrides.exposures, world))
                * mul(as_vec3(wp::index(overrides.gains, world)), light);
@@ -105,12 +105,12 @@ template <int FACTS, class Scene_> WARPCAM_DEVICE Vec3 exposed(const Scene_& sce
 }
 
 // Applies the exposure to a surface; the display colour of a physically based surface follows from its light.
-template <int FACTS, class Scene_>
+template <int FLAGS, class Scene_>
 WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& display)
 {
-    if constexpr ((FACTS & HAS_EXPOSURE) != 0) {
-        linear = exposed<FACTS>(scene, world, linear);
-        display = FACTS & PHYSICAL ? linear_to_srgb(linear) : exposed<FACTS>(scene, world, display);
+    if constexpr ((FLAGS & HAS_EXPOSURE) != 0) {
+        linear = exposed<FLAGS>(scene, world, linear);
+        display = FLAGS & PHYSICAL ? linear_to_srgb(linear) : exposed<FLAGS>(scene, world, display);
     }
 }
 

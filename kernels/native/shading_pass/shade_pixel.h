@@ -10,20 +10,20 @@ namespace warpcam {
 
 // Results of the trace and of the shadow pass at a pixel.
 struct PixelHit : Hit {
-    int shadow;  // where FACTS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
+    int shadow;  // where FLAGS have SEPARATE_PLANE_PATH; otherwise it is asked for when the pixel is drawn
 };
 
-template <class Types, int IMAGES, int FACTS, class Frame_>
+template <class Types, int IMAGES, int FLAGS, class Frame_>
 WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 {
     PixelHit found { { 0.0f, -1, 0 }, 0 };
     if (pixel.inside) {
         found.shape = frame.shape.data[pixel.at];
-        if (ShadingNeeds<IMAGES, FACTS>::SURFACE)
+        if (ShadingNeeds<IMAGES, FLAGS>::SURFACE)
             found.depth = frame.depth.data[pixel.at];
-        if (ShadingNeeds<IMAGES, FACTS>::SURFACE && Types::has_any(MESH, HEIGHT_FIELD))
+        if (ShadingNeeds<IMAGES, FLAGS>::SURFACE && Types::has_any(MESH, HEIGHT_FIELD))
             found.face = stored_face<Types>(frame.face.data[pixel.at]);
-        if (ShadingNeeds<IMAGES, FACTS>::LIT && (FACTS & HAS_SHADOWS) && (FACTS & SEPARATE_PLANE_PATH))
+        if (ShadingNeeds<IMAGES, FLAGS>::LIT && (FLAGS & HAS_SHADOWS) && (FLAGS & SEPARATE_PLANE_PATH))
             found.shadow = frame.shadow.data[pixel.at];
     }
     return found;
@@ -31,50 +31,50 @@ WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel,
 // less if `looks` are SeenLooks.
-template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_>
 WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
                                 int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
 {
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
     if constexpr (CAPACITY > 0)
-        resolve_surface<Types, LENS, IMAGES, FACTS>(looks[scene.shapes.places.data[found.shape]], lights, scene, camera,
+        resolve_surface<Types, LENS, IMAGES, FLAGS>(looks[scene.shapes.places.data[found.shape]], lights, scene, camera,
                                                     x, y, found, shadow, shown);
     else
-        resolve_surface<Types, LENS, IMAGES, FACTS>(
+        resolve_surface<Types, LENS, IMAGES, FLAGS>(
             cached_appearance<Types, CAPACITY, Wants>(looks, lights, scene, camera, world, found.shape), lights, scene,
             camera, x, y, found, shadow, shown);
     if constexpr (Wants::LIT)
-        expose<FACTS>(scene, world, shown.linear, shown.display);
+        expose<FLAGS>(scene, world, shown.linear, shown.display);
 }
 
 // Covers what is seen of a pixel with the transparent shapes before it, nearer than `limit`. Returns how much is still
 // seen of it.
-template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_,
           class TransparentShapes_>
 WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& lights, const Scene_& scene,
                                          const Camera& camera, const TransparentShapes_& transparent_shapes,
                                          const Region& region, int world, const Pixel& pixel, float x, float y,
                                          const Hit& solid, float limit, ShadedPixel& shown)
 {
-    const bool takes_part = pixel.inside && !((FACTS & MIRROR_VIEW) && solid.shape == -1);
+    const bool takes_part = pixel.inside && !((FLAGS & MIRROR_VIEW) && solid.shape == -1);
     const CameraRay<LENS> ray { x, y };
     float near = camera.near;
     int column = (pixel.column - region.left) / TILE_WIDTH;
     const int row = (pixel.row - region.top) / TILE_HEIGHT;
-    if constexpr ((FACTS & MIRROR_VIEW) != 0) {
+    if constexpr ((FLAGS & MIRROR_VIEW) != 0) {
         near = plane_of(wp::index(scene.frame.mirrors, world)).depth(ray);
         column = region.width / TILE_WIDTH - 1 - column;
     }
-    if constexpr ((FACTS & PHYSICAL) != 0) {
+    if constexpr ((FLAGS & PHYSICAL) != 0) {
         const auto shade_layer = [&](bool met, Hit hit, Vec3& light) {
             ShadedPixel layer;
             fill_inactive_lanes(met, hit);
-            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FLAGS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, layer);
             light = layer.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
-            if constexpr (Types::has(ALPHA_TESTED) && (FACTS & HAS_MAPS))
-                alpha *= mapped_opacity<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+            if constexpr (Types::has(ALPHA_TESTED) && (FLAGS & HAS_MAPS))
+                alpha *= mapped_opacity<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FLAGS>>(
                                                          looks, lights, scene, camera, world, hit.shape),
                                                      scene, camera, world, x, y, hit);
             return alpha;
@@ -91,26 +91,26 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
         const auto shade = [&](bool met, Hit hit, Vec3& linear, Vec3& display) {
             ShadedPixel layer;
             fill_inactive_lanes(met, hit);
-            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FACTS & ~HAS_SHADOWS>(
+            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FLAGS & ~HAS_SHADOWS>(
                 looks, lights, scene, camera, world, x, y, hit, 0, layer);
             linear = layer.linear;
             display = layer.display;
-            if constexpr (Types::has(TEXTURE_ALPHA) && ShadingNeeds<IMAGES, FACTS>::TEXTURED)
-                return texture_alpha<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FACTS>>(
+            if constexpr (Types::has(TEXTURE_ALPHA) && ShadingNeeds<IMAGES, FLAGS>::TEXTURED)
+                return texture_alpha<Types, LENS>(cached_appearance<Types, CAPACITY, ShadingNeeds<IMAGES, FLAGS>>(
                                                       looks, lights, scene, camera, world, hit.shape),
                                                   scene, camera, x, y, hit);
             return 1.0f;
         };
         Hit first { limit, -1, -1 };
         const auto note = [&](const Hit& hit, float opacity) {
-            if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
+            if constexpr ((FLAGS & WRITE_BACK_TRANSPARENT) != 0)
                 if (opacity >= NOTEWORTHY && hit.depth < first.depth
                     && wp::index(scene.shapes.types, hit.shape) != PLANE)
                     first = hit;
         };
         cover<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note,
                      covered);
-        if constexpr ((FACTS & WRITE_BACK_TRANSPARENT) != 0)
+        if constexpr ((FLAGS & WRITE_BACK_TRANSPARENT) != 0)
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
                 scene.frame.depth.data[pixel.at] = first.depth;
@@ -124,7 +124,7 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
 }
 
 // `shaded`: what the pixel shows, a ShadedPixel, where that is known.
-template <class Types, int LENS, int CAPACITY, int IMAGES, int FACTS, class Appearances, class List, class Scene_,
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_,
           class TransparentShapes_, class Camera_, class... Shaded_>
 WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
                                   const Camera_& camera, const TransparentShapes_& transparent_shapes,
@@ -132,18 +132,18 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
                                   const Shaded_&... shaded)
 {
     constexpr bool IS_SHADED = sizeof...(Shaded_) > 0;
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
-    constexpr bool IN_QUADS = FACTS & STORE_QUADS;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
+    constexpr bool IN_QUADS = FLAGS & STORE_QUADS;
     const auto& frame = scene.frame;
     const auto& images = scene.images;
-    const int column = FACTS & MIRROR_VIEW ? frame.width - 1 - pixel.column : pixel.column;
+    const int column = FLAGS & MIRROR_VIEW ? frame.width - 1 - pixel.column : pixel.column;
     const float x = ray_x<LENS>(camera, column), y = ray_y<LENS>(camera, pixel.row);
     const bool hit = found.shape >= 0;
     const Hit solid = found;
     const auto shadow = [&] {
-        if constexpr (!Wants::LIT || !(FACTS & HAS_SHADOWS))
+        if constexpr (!Wants::LIT || !(FLAGS & HAS_SHADOWS))
             return 0;
-        else if constexpr ((FACTS & SEPARATE_PLANE_PATH) != 0)
+        else if constexpr ((FLAGS & SEPARATE_PLANE_PATH) != 0)
             return found.shadow;
         else
             return hit ? int(frame.shadow.data[pixel.at]) : 0;
@@ -151,20 +151,20 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
     ShadedPixel shown;
     bool drawn = false;
     Vec3 apart;
-    Vec3& floor = FACTS & SEPARATE_PLANE_PATH ? apart : shown.display;
-    if constexpr (!IS_SHADED && lit_by_corners<List>(FACTS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
-        drawn = draw_floor<Wants::TEXTURED, (FACTS & SEPARATE_PLANE_PATH) != 0,
-                           (FACTS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(lights.grid, scene.textures, found,
+    Vec3& floor = FLAGS & SEPARATE_PLANE_PATH ? apart : shown.display;
+    if constexpr (!IS_SHADED && lit_by_corners<List>(FLAGS & HAS_SHADOWS) && !(IMAGES & (NORMALS | ALBEDO)))
+        drawn = draw_floor<Wants::TEXTURED, (FLAGS & SEPARATE_PLANE_PATH) != 0,
+                           (FLAGS & (SEPARATE_PLANE_PATH | PLANE_STRIPS)) != 0>(lights.grid, scene.textures, found,
                                                                                 shadow, x, y, floor);
     if constexpr (IS_SHADED)
         shown = (shaded, ...);
-    else if (((FACTS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
+    else if (((FLAGS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
              && fill_inactive_lanes(hit && !drawn, found))
-        resolve_hit<Types, LENS, CAPACITY, IMAGES, FACTS>(looks, lights, scene, camera, world, x, y, found, shadow(),
+        resolve_hit<Types, LENS, CAPACITY, IMAGES, FLAGS>(looks, lights, scene, camera, world, x, y, found, shadow(),
                                                           shown);
     if (drawn) {
         shown.linear = shown.display = floor;
-        expose<FACTS>(scene, world, shown.linear, shown.display);
+        expose<FLAGS>(scene, world, shown.linear, shown.display);
     }
     const Vec3 black { 0.0f, 0.0f, 0.0f };
     if (IMAGES & NORMALS)
@@ -175,7 +175,7 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         bool seen = hit;
         HazeSample haze_sample { 0.0f, 0.0f };
         float sky = camera.far;
-        if constexpr ((FACTS & HAS_HAZE) != 0 && LENS != ORTHOGRAPHIC) {
+        if constexpr ((FLAGS & HAS_HAZE) != 0 && LENS != ORTHOGRAPHIC) {
             const Vec3 ray = transform(camera.rotation, CameraRay<LENS> { x, y }.direction());
             sky = skybox_depth(ray, frame.haze.radius);
             seen = hit && solid.depth < sky;
@@ -186,34 +186,34 @@ WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, 
         }
         if (!seen) {
             shown.linear = shown.display =
-                FACTS & MIRROR_VIEW ? black
-                                    : background_color<LENS, FACTS>(scene.textures, background_of<FACTS>(scene, world),
+                FLAGS & MIRROR_VIEW ? black
+                                    : background_color<LENS, FLAGS>(scene.textures, background_of<FLAGS>(scene, world),
                                                                     camera, frame.horizon, x, y);
             if constexpr (Wants::PBR) {
                 shown.linear = srgb_to_linear(shown.linear);
-                if constexpr ((FACTS & HAS_SKYBOX) != 0) {
+                if constexpr ((FLAGS & HAS_SKYBOX) != 0) {
                     shown.linear = mul(lights.sky.gain, shown.linear);
                     shown.display = linear_to_srgb(shown.linear);
                 }
             }
-            expose<FACTS>(scene, world, shown.linear, shown.display);
+            expose<FLAGS>(scene, world, shown.linear, shown.display);
         }
-        if constexpr ((FACTS & HAS_MIRROR) != 0)
+        if constexpr ((FLAGS & HAS_MIRROR) != 0)
             if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
-        if constexpr ((FACTS & HAS_HAZE) != 0)
+        if constexpr ((FLAGS & HAS_HAZE) != 0)
             if (haze_sample.density > 0.0f && !(seen && solid.depth < haze_sample.depth)) {
-                const Vec3 haze = exposed<FACTS>(scene, world, haze_sample.density * as_vec3(frame.haze.color));
+                const Vec3 haze = exposed<FLAGS>(scene, world, haze_sample.density * as_vec3(frame.haze.color));
                 shown.linear = (1.0f - haze_sample.density) * shown.linear + haze;
                 shown.display = (1.0f - haze_sample.density) * clip(shown.display) + haze;
             }
         unsigned alpha = hit ? 0xff000000u : 0u;
-        if constexpr ((FACTS & HAS_TRANSPARENT) != 0) {
+        if constexpr ((FLAGS & HAS_TRANSPARENT) != 0) {
             float limit = hit ? solid.depth : camera.far;
-            if constexpr ((FACTS & HAS_HAZE) != 0)
+            if constexpr ((FLAGS & HAS_HAZE) != 0)
                 limit = min(sky, haze_sample.density > 0.0f ? min(limit, haze_sample.depth)
                                                             : limit);  // these hide what is behind them
-            const float left = resolve_transparent<Types, LENS, CAPACITY, IMAGES, FACTS>(
+            const float left = resolve_transparent<Types, LENS, CAPACITY, IMAGES, FLAGS>(
                 looks, lights, scene, camera, transparent_shapes, region, world, pixel, x, y, solid, limit, shown);
             alpha = hit ? alpha : to_byte(1.0f - left) << 24;
         }

@@ -10,20 +10,20 @@ namespace warpcam {
 
 // Draws one region of one view; `index` counts worlds, then regions, then (CUDA) threads of the block.
 // MAX_TRANSPARENT: how many shapes may be transparent.
-template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FACTS, int MAX_TRANSPARENT = 0,
+template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, int IMAGES, int FLAGS, int MAX_TRANSPARENT = 0,
           class Scene_, class Lights>
 WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index)
 {
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
     using Appearances = ShapeAppearance<Types, Wants>;
     using TransparentList =
         optional_t<MAX_TRANSPARENT != 0, TransparentShapes<MAX_TRANSPARENT != 0 ? MAX_TRANSPARENT : 1>>;
     constexpr int SHARED_BYTES = 44032 - (MAX_TRANSPARENT != 0 ? int(sizeof(TransparentList)) : 0);
     constexpr int CACHED =
         CAPACITY * int(sizeof(Appearances)) <= SHARED_BYTES && (Wants::SURFACE || Wants::COLORED) ? CAPACITY : 0;
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
-    constexpr bool RADIANT = IMAGES == HDR && (FACTS & PLANE_STRIPS);
+    constexpr bool RADIANT = IMAGES == HDR && (FLAGS & PLANE_STRIPS);
 #if defined(__CUDA_ARCH__)
     constexpr bool CORNERED_LENS = LENS == PINHOLE;
 #else
@@ -55,18 +55,18 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
                   BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
-    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FACTS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
+    constexpr bool IN_STRIPS = in_quads(IMAGES) && (FLAGS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
-    constexpr int OWN_FACTS = IN_STRIPS ? FACTS & ~STORE_QUADS : FACTS & ~PLANE_STRIPS;
+    constexpr int OWN_FACTS = IN_STRIPS ? FLAGS & ~STORE_QUADS : FLAGS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
     WARPCAM_SHARED optional_t<IN_STRIPS, StripPlan> plan;
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
 #else
     constexpr bool IN_STRIPS = false;
 #endif
-    constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FACTS & HAS_MIPS);
+    constexpr bool ON_FLOOR = CORNERS > 0 || IN_STRIPS, MIPS = Wants::TEXTURED && IN_STRIPS && (FLAGS & HAS_MIPS);
     using List = conditional_t<(IN_STRIPS && CORNERS == 0), BareFloor, Lit_>;
-    WARPCAM_SHARED conditional_t<(FACTS & PHYSICAL) != 0, AreaLights, List> list;
+    WARPCAM_SHARED conditional_t<(FLAGS & PHYSICAL) != 0, AreaLights, List> list;
     WARPCAM_SHARED Camera shared_camera;
     WARPCAM_SHARED TransparentList transparent_shapes;
     const auto& frame = scene.frame;
@@ -81,9 +81,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     if (thread == 0)
         shared_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
-        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FACTS>(world), thread - (THREADS - WARP_OR_ONE),
+        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FLAGS>(world), thread - (THREADS - WARP_OR_ONE),
                                list);
-    if constexpr ((FACTS & MIRROR_VIEW) != 0) {
+    if constexpr ((FLAGS & MIRROR_VIEW) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)
             return;
@@ -94,13 +94,13 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         Region seen = region;
         Vec3 eye = camera.origin;
         int mirror = -1;
-        if constexpr ((FACTS & MIRROR_VIEW) != 0) {  // its columns run the other way
+        if constexpr ((FLAGS & MIRROR_VIEW) != 0) {  // its columns run the other way
             const auto at = wp::index(frame.mirrors, world);
             seen.left = frame.width - region.left - region.width;
             eye = as_vec3(at.eye);
             mirror = at.shape;
         }
-        gather_transparent<Types, LENS, (FACTS & PHYSICAL) == 0>(transparent_shapes, scene, camera, seen, eye, mirror,
+        gather_transparent<Types, LENS, (FLAGS & PHYSICAL) == 0>(transparent_shapes, scene, camera, seen, eye, mirror,
                                                                  world, thread);
     }
 #if defined(__CUDA_ARCH__)
@@ -113,7 +113,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if (thread == 0 && frame.plane >= 0)
             looks->plane = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
         if constexpr (Held::MARKED)
-            gather_looks<WIDTH, HEIGHT, FACTS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
+            gather_looks<WIDTH, HEIGHT, FLAGS, SEEN>(*looks, scene, camera, world, first, left, top, thread);
     }
     block_sync();
 #else
@@ -147,7 +147,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 image = wp::index(scene.textures.mips, look.material.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FACTS & MIRROR_VIEW, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FLAGS & MIRROR_VIEW, thread);
             else
                 see_floor(list.grid, look, camera, frame.plane, atlas, thread);
         }
@@ -182,21 +182,21 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
                                                                     transparent_shapes, region, world, one,
-                                                                    find<Types, IMAGES, FACTS>(frame, one));
+                                                                    find<Types, IMAGES, FLAGS>(frame, one));
             });
         return;
     }
-    seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, warp);
-    PixelHit next = find<Types, IMAGES, FACTS>(frame, pixel);
+    seek_tile<WIDTH, FLAGS>(pixel, frame, first, left, top, warp);
+    PixelHit next = find<Types, IMAGES, FLAGS>(frame, pixel);
 #pragma unroll 1
     for (unsigned tile = warp; tile < TILES; tile += STEP) {
         const PixelHit found = next;
         if (tile + STEP < TILES) {  // ask for the next tile's pixels before this one's are drawn
-            seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile + STEP);
-            next = find<Types, IMAGES, FACTS>(frame, pixel);
+            seek_tile<WIDTH, FLAGS>(pixel, frame, first, left, top, tile + STEP);
+            next = find<Types, IMAGES, FLAGS>(frame, pixel);
         }
-        seek_tile<WIDTH, FACTS>(pixel, frame, first, left, top, tile);
-        if ((FACTS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
+        seek_tile<WIDTH, FLAGS>(pixel, frame, first, left, top, tile);
+        if ((FLAGS & WHOLE_REGIONS) || (pixel.width > 0 && pixel.height > 0)) {
             if constexpr (has_table(LENS))
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(
                     looks, list, scene, camera_at<LENS>(shared_camera, pixel.column, pixel.row), transparent_shapes,
@@ -222,12 +222,12 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             }
     };
     if constexpr (Wants::SURFACE) {
-        constexpr bool APART = (FACTS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
+        constexpr bool APART = (FLAGS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
         constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         ShadedRows<ROWS * WIDTH, IMAGES, APART> shaded;
         const int width = min(WIDTH, frame.width - left), bottom = min(top + HEIGHT, frame.height);
-        RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FACTS & MIRROR_VIEW, frame.width);
+        RayRows<LENS, WIDTH, ROWS> ray_rows(camera, left, width, FLAGS & MIRROR_VIEW, frame.width);
         const auto look_at = [&](int id) -> decltype(auto) {
             make_look(id);
             if constexpr (CACHED > 0)
@@ -240,7 +240,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             const size_t corner = first + size_t(start) * frame.width + left;
             ray_rows.seek_tile(start, rows);
             sorted.template sort<WIDTH>(frame.shape, corner, frame.width, width, rows);
-            shade_sorted<Types, LENS, IMAGES, FACTS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
+            shade_sorted<Types, LENS, IMAGES, FLAGS, WIDTH, ROWS * WIDTH, !APART>(sorted, list, scene, ray_rows, world,
                                                                                   corner, look_at, shaded);
             for (int row = 0; row < rows; ++row) {
                 const size_t at = corner + size_t(row) * frame.width;
@@ -249,9 +249,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 else
                     for (int column = 0; column < width; ++column) {
                         pixel = { left + column, start + row, unsigned(at) + column, true };
-                        resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(
+                        resolve_pixel<Types, LENS, HELD, IMAGES, FLAGS>(
                             looks, list, scene, own_camera(pixel), transparent_shapes, region, world, pixel,
-                            find<Types, IMAGES, FACTS>(frame, pixel), shaded.shown(row * WIDTH + column));
+                            find<Types, IMAGES, FLAGS>(frame, pixel), shaded.shown(row * WIDTH + column));
                     }
             }
         }
@@ -259,10 +259,10 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         for (pixel.row = top; pixel.row < min(top + HEIGHT, frame.height); ++pixel.row)
             for (pixel.column = left; pixel.column < min(left + WIDTH, frame.width); ++pixel.column) {
                 pixel.at = first + pixel.row * frame.width + pixel.column;
-                const PixelHit found = find<Types, IMAGES, FACTS>(frame, pixel);
+                const PixelHit found = find<Types, IMAGES, FLAGS>(frame, pixel);
                 if (found.shape >= 0)
                     make_look(found.shape);
-                resolve_pixel<Types, LENS, HELD, IMAGES, FACTS>(looks, list, scene, own_camera(pixel),
+                resolve_pixel<Types, LENS, HELD, IMAGES, FLAGS>(looks, list, scene, own_camera(pixel),
                                                                 transparent_shapes, region, world, pixel, found);
             }
     }

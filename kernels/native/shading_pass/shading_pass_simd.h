@@ -132,12 +132,12 @@ inline Vec3x8 facing_normals(const Appearances& look, const Scene_& scene, const
 }
 
 // The light on eight places of a shape, as MuJoCo's renderer has it, before its texture.
-template <class Types, int LENS, int FACTS, bool LINEAR, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int FLAGS, bool LINEAR, class Appearances, class List, class Scene_>
 inline void light_eight(const Appearances& look, int id, const List& lights, const Scene_& scene, const Camera& camera,
                         const SurfaceInteraction8& surface, const OffsetRay8& offset_rays, const Vec3x8& place,
                         Int8 shadow, Lits& lit)
 {
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
+    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS, BY_CORNERS = lit_by_corners<List>(SHADOWS);
     const ShapeFromCamera& pose = look.pose;
     if constexpr (SHADOWS && (Types::GEOMETRY & SHADES_ITSELF))
         if (lights.dims && (SHADES_ITSELF >> pose.type() & 1))
@@ -171,15 +171,15 @@ inline void light_eight(const Appearances& look, int id, const List& lights, con
 constexpr int TOGETHER = 4;
 
 // Shades packets; of the last packet `rest` pixels count, of the others all.
-template <class Types, int LENS, int IMAGES, int FACTS, class Appearances, class List, class Scene_, class Rows,
+template <class Types, int LENS, int IMAGES, int FLAGS, class Appearances, class List, class Scene_, class Rows,
           class ShadedRows_>
 WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Levels* levels, int id,
                                                const List& lights, const Scene_& scene, const Rows& rows, Vec3 gain,
                                                const EightHits* hits, const short* pixels, int packets, int rest,
                                                ShadedRows_& shaded)
 {
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
-    constexpr bool SHADOWS = FACTS & HAS_SHADOWS;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
+    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
     const ShapeFromCamera& pose = look.pose;
     const Float8 one = 1.0f;
     Vec3x8 rays[TOGETHER], textures[TOGETHER];
@@ -226,15 +226,15 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
             const Vec3x8 to_eye =
                 LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -offset_rays[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
-            shade_eight_physically<Types, FACTS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
+            shade_eight_physically<Types, FLAGS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
-            if (FACTS & HAS_EXPOSURE)
+            if (FLAGS & HAS_EXPOSURE)
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = linear_to_srgb(lit.linear);
         } else if constexpr (Wants::LIT) {
-            light_eight<Types, LENS, FACTS, ShadedRows_::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
+            light_eight<Types, LENS, FLAGS, ShadedRows_::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
                                                                  offset_rays[n], place, shadow, lit);
-            const Vec3x8 scaled = FACTS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
+            const Vec3x8 scaled = FLAGS & HAS_EXPOSURE ? mul(broadcast(gain), textures[n]) : textures[n];
             lit = { mul(lit.linear, scaled), mul(lit.display, scaled) };
         }
         shaded.put_light(pixels + n * SIMD_WIDTH, count_of(n), lit.linear, lit.display, 0xff000000u);
@@ -242,13 +242,13 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
 }
 
 // Writes the background.
-template <int LENS, int IMAGES, int FACTS, class List, class Scene_, class Rows, class ShadedRows_>
+template <int LENS, int IMAGES, int FLAGS, class List, class Scene_, class Rows, class ShadedRows_>
 WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
                                                   Vec3 gain, const short* pixels, int count, ShadedRows_& shaded)
 {
-    const auto& background = background_of<FACTS>(scene, world);
+    const auto& background = background_of<FLAGS>(scene, world);
     Vec3x8 color = broadcast(as_vec3(background.color));
-    const Image image = FACTS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
+    const Image image = FLAGS & HAS_SKYBOX ? load_image(scene.textures, background.skybox) : Image { 0, 0, 0, 0 };
     const Mat3& r = rows.camera.rotation;
     const auto axis = [&](int k) { return broadcast(Vec3 { r.at[0][k], r.at[2][k], -r.at[1][k] }); };
     const Vec3x8 x_axis = axis(0), y_axis = axis(1), z_axis = axis(2);
@@ -256,7 +256,7 @@ WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scen
     const Levels levels(image, 6);
     for (int first = 0; first < count; first += SIMD_WIDTH) {
         const int some = min(SIMD_WIDTH, count - first);
-        if ((FACTS & HAS_SKYBOX) && image.levels > 0) {
+        if ((FLAGS & HAS_SKYBOX) && image.levels > 0) {
             Float8 x, y;
             OffsetRay8 offset_rays, right, down;
             rows.find(pixels + first, some, x, y);
@@ -277,14 +277,14 @@ WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scen
             }
         }
         Vec3x8 linear = color, display = color;
-        if constexpr ((FACTS & PHYSICAL) != 0) {
+        if constexpr ((FLAGS & PHYSICAL) != 0) {
             linear = srgb_to_linear(color);
-            if constexpr ((FACTS & HAS_SKYBOX) != 0)
+            if constexpr ((FLAGS & HAS_SKYBOX) != 0)
                 linear = mul(broadcast(lights.sky.gain), linear);
         }
-        if (FACTS & HAS_EXPOSURE)
+        if (FLAGS & HAS_EXPOSURE)
             linear = display = mul(broadcast(gain), linear);
-        if constexpr ((FACTS & PHYSICAL) != 0 && (FACTS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
+        if constexpr ((FLAGS & PHYSICAL) != 0 && (FLAGS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
             display = linear_to_srgb(linear);
         shaded.put_light(pixels + first, some, linear, display, 0u);
     }
@@ -327,20 +327,20 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
 }
 
 // Shades the pixels of a few rows. `look_at(id)` gives a shape's look.
-template <class Types, int LENS, int IMAGES, int FACTS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
+template <class Types, int LENS, int IMAGES, int FLAGS, int WIDTH, int SIZE, bool BEHIND, class List, class Scene_,
           class Rows, class LookAt, class ShadedRows_>
 inline void shade_sorted(const Sorted<SIZE>& sorted, const List& lights, const Scene_& scene, const Rows& rows,
                          int world, size_t first, const LookAt& look_at, ShadedRows_& shaded)
 {
-    using Wants = ShadingNeeds<IMAGES, FACTS>;
+    using Wants = ShadingNeeds<IMAGES, FLAGS>;
     const auto& frame = scene.frame;
-    const Vec3 gain = exposed<FACTS>(scene, world, { 1.0f, 1.0f, 1.0f });
+    const Vec3 gain = exposed<FLAGS>(scene, world, { 1.0f, 1.0f, 1.0f });
     for (int group = 0, begin = 0; group < sorted.count; begin = sorted.ends[group++]) {
         const int id = sorted.shapes[group], total = sorted.ends[group] - begin;
         const short* const pixels = sorted.order + begin;
         if (id < 0) {
             if constexpr (BEHIND && Wants::LIT)
-                shade_background<LENS, IMAGES, FACTS>(lights, scene, rows, world, gain, pixels, total, shaded);
+                shade_background<LENS, IMAGES, FLAGS>(lights, scene, rows, world, gain, pixels, total, shaded);
             continue;
         }
         const auto& look = look_at(id);
@@ -358,10 +358,10 @@ inline void shade_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
             const int packets = min(TOGETHER, (total - done + SIMD_WIDTH - 1) / SIMD_WIDTH);
             for (int n = 0; n < packets; ++n) {
                 const int from = done + n * SIMD_WIDTH;
-                load_hits<Types, Wants::LIT && (FACTS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
+                load_hits<Types, Wants::LIT && (FLAGS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
                                                                              min(SIMD_WIDTH, total - from), hits[n]);
             }
-            shade_packets<Types, LENS, IMAGES, FACTS>(
+            shade_packets<Types, LENS, IMAGES, FLAGS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,
                 min(SIMD_WIDTH, total - done - (packets - 1) * SIMD_WIDTH), shaded);
         }

@@ -21,13 +21,13 @@ template <class Shapes, class Meshes, class HeightFields, class Materials, class
     const Textures& textures;
 };
 
-// Shared memory of the albedo writer. FACTS: of shading/appearance.h.
-template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct AlbedoWriter {
+// Shared memory of the albedo writer. FLAGS: of shading/appearance.h.
+template <class Types, int FLAGS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOLE_> struct AlbedoWriter {
     static constexpr bool WHOLE = WHOLE_, WRITES_ALBEDO = true, LOOKS_AT_FLOORS = false;
-    using Wants = ShadingNeeds<ALBEDO, FACTS>;
+    using Wants = ShadingNeeds<ALBEDO, FLAGS>;
     using Appearances = ShapeAppearance<Types, Wants>;
     static constexpr bool TEXTURED = Wants::TEXTURED, FLOORS = TEXTURED && Types::has(PLANE);
-    static constexpr bool MIPS = FACTS & HAS_MIPS;  // floors have textures that are mipmapped, else atlases
+    static constexpr bool MIPS = FLAGS & HAS_MIPS;  // floors have textures that are mipmapped, else atlases
     static constexpr int WARPS = THREADS / WARP_SIZE, ACROSS = WIDTH / TILE_WIDTH,
                          TILES = ACROSS * (HEIGHT / TILE_HEIGHT);
     static constexpr int CACHED = TEXTURED && CAPACITY <= WARP_SIZE ? CAPACITY : 0;  // looks
@@ -301,10 +301,10 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
         const CameraRay<PINHOLE> ray = view_ray<PINHOLE>(camera, i, j);
         ShadedPixel shown;
         if constexpr (CACHED > 0)
-            resolve_surface<Types, PINHOLE, ALBEDO, FACTS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
+            resolve_surface<Types, PINHOLE, ALBEDO, FLAGS>(looks[wp::index(scene.shapes.places, hit.shape)], None {},
                                                            scene, camera, ray.x, ray.y, hit, 0, shown);
         else
-            resolve_surface<Types, PINHOLE, ALBEDO, FACTS>(
+            resolve_surface<Types, PINHOLE, ALBEDO, FLAGS>(
                 load_appearance_for<Types, Wants>(scene, camera, world, hit.shape), None {}, scene, camera, ray.x,
                 ray.y, hit, 0, shown);
         return to_bytes(shown.albedo);
@@ -313,12 +313,12 @@ template <class Types, int FACTS, int CAPACITY, int WIDTH, int HEIGHT, bool WHOL
 
 // Draws as draw() does, in scenes of no more shapes than a list holds. Types: including the bits that only colours
 // need.
-template <class Types, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FACTS, class Shapes, class Materials,
+template <class Types, int CAPACITY, int WIDTH, int HEIGHT, int OUTPUTS, int FLAGS, class Shapes, class Materials,
           class Meshes, class HeightFields, class Views, class Target>
 WARPCAM_DEVICE void draw_with_albedo(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                      const HeightFields& fields, const Views& views, const Target& target, int index)
 {
-    using Room = AlbedoWriter<Types, FACTS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
+    using Room = AlbedoWriter<Types, FLAGS, CAPACITY, WIDTH, HEIGHT, (OUTPUTS & FLOW_WHOLE) != 0>;
     draw_with<SceneTypes<Types::ANALYTIC, Types::FEATURES & 1 << PLANES_FROM_BEHIND>, PINHOLE, CAPACITY, false, WIDTH,
               HEIGHT, OUTPUTS, Room>(shapes, materials, meshes, fields, views, target, index);
 }
