@@ -4,6 +4,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.build.bvh4 import SCRATCH, builder_options, run_builder
+from warpcam.kernels.runtime.compile import building
 from warpcam.kernels.runtime.kernels import make_kernel
 
 _build = make_kernel(
@@ -45,5 +46,6 @@ def build(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     sizes = np.zeros(1, np.int32)
     scratch = np.empty(count * SCRATCH // 4, np.int32)
 
-    run_builder(_build, boxes, count, scratch, nodes, order, sizes)
+    with building:
+        run_builder(_build, boxes, count, scratch, nodes, order, sizes)
     return nodes[: 7 * sizes[0]].copy(), order

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.kernels.runtime.compile import NATIVE, compiler_flags
+from warpcam.kernels.runtime.compile import NATIVE, building, compiler_flags
 from warpcam.kernels.runtime.kernels import make_kernel
 
 MAX_DEPTH = 16  # levels of 4-wide nodes, as kMaxDepth
@@ -68,7 +68,8 @@ def run_builder(kernel: wp.Kernel, *arguments: np.ndarray | int) -> None:
 
 def load() -> None:
     """Compile the builder, by a thread for which others are compiled, too: each has to precompile headers."""
-    wp.force_load("cpu", [_build.module], max_workers=0)
+    with building:
+        wp.force_load("cpu", [_build.module], max_workers=0)
 
 
 def max_listed(num_faces: int) -> int:

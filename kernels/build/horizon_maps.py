@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.compile import native_module
-from warpcam.kernels.runtime.launch import BLOCK_DIM
+from warpcam.kernels.runtime.launch import BLOCK_DIM, launch_kernel
 from warpcam.kernels.types import Meshes
 
 
@@ -49,4 +49,4 @@ def build_horizon_maps(meshes: Meshes, owners: np.ndarray, device: wp.Device) ->
     """
     if len(owners):
         inputs = [meshes, wp.array(owners, dtype=wp.int32, device=device)]
-        wp.launch(kernel(), len(owners), inputs, device=device, block_dim=BLOCK_DIM)
+        launch_kernel(kernel(), len(owners), inputs, device=device, block_dim=BLOCK_DIM)

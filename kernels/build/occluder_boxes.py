@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.compile import native_module
-from warpcam.kernels.runtime.launch import BLOCK_DIM
+from warpcam.kernels.runtime.launch import BLOCK_DIM, launch_kernel
 from warpcam.kernels.types import Meshes
 
 MAX_OCCLUDER_BOXES, ROWS = 32, 3  # native/shadow/occluder_boxes.h
@@ -71,7 +71,7 @@ def build_occluder_boxes(
     def tried(ways: np.ndarray, rows: wp.array) -> np.ndarray:
         worths = wp.empty(ways.shape, dtype=wp.float32, device=device)
         inputs = [meshes, *given, wp.array(ways, dtype=wp.int32, device=device), worths, rows]
-        wp.launch(kernel(), ways.shape, inputs, device=device, block_dim=BLOCK_DIM)
+        launch_kernel(kernel(), ways.shape, inputs, device=device, block_dim=BLOCK_DIM)
         found: np.ndarray = worths.numpy()
         return found
 

@@ -13,7 +13,9 @@ from warpcam.kernels.runtime.cpu_pool import cpu_threads
 
 NATIVE = Path(__file__).resolve().parents[1] / "native"
 
-_loading: dict[str, threading.Lock] = {}  # of modules, by their names
+# Warp's kernels are made and its modules loaded by one thread at a time: another finds them half made, or loads a
+# module a second time and frees code that runs already.
+building = threading.RLock()
 
 
 def compiler_flags() -> dict[str, Any]:
@@ -80,14 +82,18 @@ def load_modules(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> 
         wanted: Each with the threads in a CUDA block.
         device: Where they are launched.
     """
+    with building:
+        _load_modules(wanted, device)
+
+
+def _load_modules(wanted: Iterable[tuple[wp.Module, int]], device: wp.Device) -> None:
     blocks: dict[wp.Module, dict[int, None]] = {}
     for module, block_dim in wanted:
         blocks.setdefault(module, {})[block_dim if device.is_cuda else 1] = None
 
     def loaded(module: wp.Module) -> None:
-        with _loading.setdefault(module.name, threading.Lock()):  # Warp would load it twice, and free what runs already
-            for block_dim in blocks[module]:
-                wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
+        for block_dim in blocks[module]:
+            wp.force_load(device, [module], block_dim=block_dim, max_workers=0)
 
     if not device.is_cuda or len(blocks) < 2:
         for module in blocks:
@@ -109,7 +115,7 @@ def compile_in_background(kernels: Sequence[tuple[wp.Kernel, int]], device: wp.D
     if not (kernels and device.is_cuda):
         yield
         return
-    with ThreadPoolExecutor(1) as pool:
-        compiled = pool.submit(load_modules, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
+    with building, ThreadPoolExecutor(1) as pool:
+        compiled = pool.submit(_load_modules, [(kernel.module, block_dim) for kernel, block_dim in kernels], device)
         yield
         compiled.result()

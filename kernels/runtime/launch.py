@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.runtime import cpu_pool
-from warpcam.kernels.runtime.compile import load_modules
+from warpcam.kernels.runtime.compile import building, load_modules
 from warpcam.kernels.runtime.streams import nonblocking_stream
 
 STREAMS = 4  # chains of stages that really run side by side
@@ -69,11 +69,12 @@ class Stage:
 
     def prepare(self) -> None:
         """Make ready for launches; compiles and loads the kernel if nobody did."""
-        load_modules([(self.module, self.block_dim)], self.device)
         count = min(self._dim, 1 if self.device.is_cuda else cpu_pool.cpu_chunks())
         bounds = [self._dim * i // max(count, 1) for i in range(count + 1)]
-        self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
-        self._whole = self._bound(0, self._dim) if count > 1 else None
+        with building:
+            load_modules([(self.module, self.block_dim)], self.device)
+            self._whole = self._bound(0, self._dim) if count > 1 else None
+            self._parts = tuple(self._bound(first, end) for first, end in itertools.pairwise(bounds))
 
     def _bound(self, first: int, end: int) -> wp.Launch:
         """A launch of some of the threads."""
@@ -164,6 +165,20 @@ def prepare(stages: Sequence[Stage]) -> None:
         load_modules([(stage.module, stage.block_dim) for stage in reversed(stages)], stages[0].device)
     for stage in stages:
         stage.prepare()
+
+
+def launch_kernel(
+    kernel: wp.Kernel,
+    dim: Any,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any] = (),
+    *,
+    device: wp.Device,
+    block_dim: int | None = None,
+) -> None:
+    """Launch a kernel on its device's current stream, in threads that may be the first to need it."""
+    with building:
+        wp.launch(kernel, dim, inputs, outputs, device=device, block_dim=block_dim)
 
 
 def run(stages: Sequence[Stage]) -> None:

@@ -9,14 +9,14 @@ import warp as wp
 
 PROGRAM = """
 import sys, threading
-import warp as wp
+from warpcam.core import device
 from warpcam.tools import self_test
 
 start, totals = threading.Barrier(4), []
 
 def shoot():
     start.wait()
-    totals.append(int(self_test.shoot(wp.get_device(sys.argv[1])).images["rgb"].sum()))
+    totals.append(int(self_test.shoot(device.resolve(sys.argv[1])).images["rgb"].sum()))
 
 threads = [threading.Thread(target=shoot) for _ in range(4)]
 for thread in threads:
@@ -36,4 +36,4 @@ def test_each_kernel_is_loaded_once(device: wp.Device, tmp_path: Path) -> None:
         done = subprocess.run(command, capture_output=True, text=True, timeout=600, cwd=tmp_path, check=False)
         assert done.returncode == 0, f"{done.returncode} {done.stderr[-2000:]}"
         totals = done.stdout.split("DONE")[1].split()
-        assert len(totals) == 4 and len(set(totals)) == 1
+        assert len(totals) == 4 and len(set(totals)) == 1, done.stderr[-4000:]

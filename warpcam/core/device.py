@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.compile import building
 from warpcam.kernels.runtime.streams import active_contexts, driver_installed
 
 VISIBLE = "CUDA_VISIBLE_DEVICES"
@@ -39,6 +40,8 @@ def resolve(device: Any = None) -> wp.Device:
     _tell_of_graphics_variables()
     if isinstance(device, wp.Device):
         return device
+    with building:  # Warp's start marks modules that others load
+        wp.init()
     ordinal = _ordinal(device)
     if device is None or isinstance(device, str):
         name = device

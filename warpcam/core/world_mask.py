@@ -10,6 +10,7 @@ from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes.views import mark_worlds
+from warpcam.kernels.runtime.launch import launch_kernel
 
 
 class Selection:
@@ -45,7 +46,7 @@ class Selection:
             self._check_ids(on_device.numpy())
         self.mask.zero_()
         if on_device.size:
-            wp.launch(mark_worlds, on_device.size, [on_device, self.mask], device=self._device)
+            launch_kernel(mark_worlds, on_device.size, [on_device, self.mask], device=self._device)
 
     def _select_host(self, worlds: Any, capturing: bool) -> None:
         if capturing:

@@ -19,6 +19,7 @@ from warpcam.core.world_mask import Selection
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.views import FrameCounters, make_frame_start
 from warpcam.kernels.plan.frame import FramePlan, merged
+from warpcam.kernels.runtime.compile import building
 from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
 from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
 from warpcam.kernels.scene_tables import SceneTables
@@ -120,7 +121,8 @@ class Renderer:
         self._is_checked = False  # the first frame's faults have been told
         # What is drawn by the scene's stages, the last used at the end.
         self._recordings: dict[tuple[Stage, ...], Recording] = {}
-        self._bind(tables)
+        with building:
+            self._bind(tables)
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
         """Render the state as it is now.
@@ -154,7 +156,8 @@ class Renderer:
             self._scene.refresh()
             tables = self._scene.tables()
             if tables is not self._tables or self._scene.clock() is not self._clock:
-                self._bind(tables)
+                with building:
+                    self._bind(tables)
             self._run(worlds is None, capturing)
             if not (self._is_checked or capturing):
                 self._tell_faults()

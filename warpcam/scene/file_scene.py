@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import launch_kernel
 from warpcam.kernels.update import poses as pose_kernels
 from warpcam.scene.scene import Scene
 
@@ -96,7 +97,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("visible")
         with torch_interop.in_order(self.device):
             inputs = [array, groups, shapes]
-            wp.launch(pose_kernels.set_visible, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
+            launch_kernel(pose_kernels.set_visible, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
             self._graph_source.finish_colors()
 
     def set_colors(self, paths: Sequence[str], colors: Any) -> None:
@@ -115,7 +116,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("colors")
         with torch_interop.in_order(self.device):
             inputs = [array, groups, shapes]
-            wp.launch(pose_kernels.set_colors, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
+            launch_kernel(pose_kernels.set_colors, (self.num_worlds, len(shapes)), inputs, [rows], device=self.device)
             self._graph_source.finish_colors()
 
     def set_textures(self, materials: Sequence[str], textures: Any) -> None:
@@ -146,7 +147,7 @@ class DrivenScene(Scene):
         rows = self._graph_source.make_room("textures")
         with torch_interop.in_order(self.device):
             inputs = [array, self._materials[key], count]
-            wp.launch(pose_kernels.set_textures, (self.num_worlds, len(key)), inputs, [rows], device=self.device)
+            launch_kernel(pose_kernels.set_textures, (self.num_worlds, len(key)), inputs, [rows], device=self.device)
 
     def set_time(self, time: float) -> None:
         """Bring all worlds to a time of the file, in its time codes: poses, visibility, sizes, lights, lenses."""

@@ -15,7 +15,7 @@ from warpcam.compat.isaaclab.lenses import lens_of
 from warpcam.compat.isaaclab.tonemap import bind_tonemap
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.launch import Stage, launch_kernel
 
 # Isaac Lab's cameras look along +x with z up: this turns them to look along -z with y up. x y z w.
 TURN = (0.5, -0.5, -0.5, 0.5)
@@ -150,7 +150,7 @@ class RenderData:
             return
         inputs = [positions, orientations, wp.quat(*TURN), matrices, *self._targets]
         with torch_interop.in_order(self._scene.device):
-            wp.launch(packing.place_cameras, self._scene.num_worlds, inputs, device=self._scene.device)
+            launch_kernel(packing.place_cameras, self._scene.num_worlds, inputs, device=self._scene.device)
 
     def set_lens(self, matrices: wp.array) -> None:
         """Take intrinsics; every environment may have its own.

@@ -18,6 +18,7 @@ from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, rea
 from warpcam.compat.mujoco_warp.context import RenderContext
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import launch_kernel
 
 __all__ = [
     "RenderContext",
@@ -153,7 +154,7 @@ def get_rgb(rc: RenderContext, camera_index: int, rgb_out: wp.array) -> None:
         rgb_out: vec3 (world, height, width), in [0, 1]; written.
     """
     start = _image(rc, "rgb", camera_index, rgb_out, wp.vec3)
-    wp.launch(packing.unpack_colors, rgb_out.shape, [rc.rgb_data, start], [rgb_out], device=rc.device)
+    launch_kernel(packing.unpack_colors, rgb_out.shape, [rc.rgb_data, start], [rgb_out], device=rc.device)
 
 
 def get_depth(rc: RenderContext, camera_index: int, depth_scale: float, depth_out: wp.array) -> None:
@@ -170,7 +171,7 @@ def get_depth(rc: RenderContext, camera_index: int, depth_scale: float, depth_ou
     if math.isnan(scale) or scale == 0.0:
         raise WarpcamError(f"get_depth: depth_scale must be a number other than 0, got {depth_scale!r}")
     inputs = [rc.depth_data, start, scale]
-    wp.launch(packing.scale_depth, depth_out.shape, inputs, [depth_out], device=rc.device)
+    launch_kernel(packing.scale_depth, depth_out.shape, inputs, [depth_out], device=rc.device)
 
 
 def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) -> None:
@@ -182,7 +183,7 @@ def get_segmentation(rc: RenderContext, camera_index: int, seg_out: wp.array) ->
         seg_out: vec2i (world, height, width); written.
     """
     start = _image(rc, "segmentation", camera_index, seg_out, wp.vec2i)
-    wp.launch(packing.copy_pairs, seg_out.shape, [rc.seg_data, start], [seg_out], device=rc.device)
+    launch_kernel(packing.copy_pairs, seg_out.shape, [rc.seg_data, start], [seg_out], device=rc.device)
 
 
 def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dtype: Any) -> int:

@@ -25,7 +25,7 @@ from warpcam.compat.newton.render_config import (
 from warpcam.compat.newton.visibility_options import VisibilityState
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.kernels.runtime.launch import bind_launch, launch_kernel
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.kernels.types import ROLE_COLOR
 from warpcam.sources.newton.options import NewtonOptions
@@ -86,7 +86,7 @@ class Mapped:
         self.counts.zero_()
         self.mask.zero_()
         inputs = [wanted, self.num_cameras, self.counts, self.worlds, self.cameras, self.mask, self.left_out]
-        wp.launch(kernels.choose_cameras, len(wanted), inputs, device=self.worlds.device)
+        launch_kernel(kernels.choose_cameras, len(wanted), inputs, device=self.worlds.device)
 
 
 class RendererCache:
@@ -299,7 +299,7 @@ class _Traced:
         bundle, transforms = seen.bundle, seen.transforms
         number = seen.number if mapped.num_cameras > 1 else 0
         inputs = [transforms, mapped.worlds, mapped.cameras, number, wp.vec3(*bundle.origin), wp.vec4(*bundle.numbers)]
-        wp.launch(kernels.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
+        launch_kernel(kernels.place_views, len(transforms), [*inputs, *self._poses[camera]], device=self._device)
 
     def write(self, camera: int, mapped: Mapped, seen: _Seen, clear_data: Any, config: Any) -> None:
         clear, out = kernels.ClearValues(), kernels.SensorImages()

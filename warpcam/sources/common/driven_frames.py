@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpcam.kernels.runtime.launch import launch_kernel
 from warpcam.kernels.update import poses
 from warpcam.sources.common.geometry import polar
 from warpcam.sources.common.scene_graph import SceneGraph
@@ -73,7 +74,7 @@ class DrivenFrames:
 
     def drive(self, nodes: Sequence[int], given: wp.array, columns: wp.array, arrays: Mapping[str, wp.array]) -> None:
         """Take poses (world*, path, 7) of driven nodes, and move what follows them; ``columns`` are the nodes'."""
-        wp.launch(
+        launch_kernel(
             poses.write_driven_poses,
             (self._num_worlds, len(nodes)),
             [given, columns],
@@ -93,7 +94,7 @@ class DrivenFrames:
                 out.append(arrays["light_directions"])
             kernel = poses.update_attached_lights if kind == "light" else poses.update_attached
             if out[0].size:
-                wp.launch(kernel, out[0].shape, [self._attached[kind], *self._frames], out, device=self._device)
+                launch_kernel(kernel, out[0].shape, [self._attached[kind], *self._frames], out, device=self._device)
 
     def _poses_of(self, count: int) -> tuple[Any, ...]:
         """Positions and rotations of driven frames, (world, count)."""

@@ -11,7 +11,7 @@ from warpcam.accel.gaussians import GaussianCloud
 from warpcam.accel.meshes import Mesh
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.launch import Stage, launch_kernel
 from warpcam.kernels.types import MESH, SKY_TERMS, SPLATS
 from warpcam.kernels.update import poses as pose_kernels
 from warpcam.kernels.update.refit import DeformingTree
@@ -182,7 +182,7 @@ class SceneGraphSource:
     def finish_colors(self) -> None:
         inputs = [self._own["colors"], self._own["visible"]]
         colors = self._arrays["shape_colors"]
-        wp.launch(pose_kernels.finish_colors, colors.shape, inputs, [colors], device=self.device)
+        launch_kernel(pose_kernels.finish_colors, colors.shape, inputs, [colors], device=self.device)
 
     def set_time(self, time: float) -> None:
         if self.graph.at_time is None:

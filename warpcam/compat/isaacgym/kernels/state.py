@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.launch import launch_kernel
 
 wp.set_module_options(compiler_flags())
 
@@ -240,4 +241,4 @@ def write_flow(
 def launch(kernel: wp.Kernel, dim: Any, inputs: list[Any], device: wp.Device) -> None:
     """On the device's current stream; nothing for an empty one."""
     if (dim if isinstance(dim, int) else min(dim)) > 0:
-        wp.launch(kernel, dim, inputs, device=device)
+        launch_kernel(kernel, dim, inputs, device=device)
