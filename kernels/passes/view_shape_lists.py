@@ -22,45 +22,53 @@ from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 LIST_THREADS = 160  # threads of a block, one for each shape of its worlds: native/traversal/view_shape_list.h
 
 
+@wp.struct
+class ListStage:
+    """Arrays and sizes of the stage."""
+
+    starts: wp.int32  # 1: it opens the frame
+    mask: wp.array(dtype=wp.uint8)  # (world,) 0 leaves the world alone
+    faults: wp.array(dtype=wp.uint8)  # (world,) set to 1 where a pose or size is not finite or 0
+    views: wp.array(dtype=View)  # (world,) written
+    lists: wp.array(dtype=wp.vec4)  # (world * row,) written
+    columns: wp.int32  # shapes
+    width: wp.int32  # of the image [pixels]
+    height: wp.int32
+    compact: wp.int32  # 1: words of the flow history have 16 bits
+    worlds_each: wp.int32  # worlds of a block
+    rate: wp.int32  # of worlds to threads, times 2^16
+
+
+@wp.struct
+class ListLane:
+    """A thread of a block: it has a shape of one of the block's worlds, and the first threads a world's view each."""
+
+    first_world: wp.int32  # of the block
+    worlds: wp.int32  # of the block
+    slot: wp.int32  # of the shape's world, among those of the block
+    shape: wp.int32
+    thread: wp.int32
+
+
 @functools.cache
 def _kernel(key: ListKey) -> wp.Kernel:
     types, lens, capacity, wanted = key.types.native, int(key.lens), key.capacity, int(key.outputs)
     function = f"list_worlds<{types}, {lens}, {capacity}, {wanted}>"
 
-    @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(shapes, lists, world, worlds, slot, shape, thread);")
-    def begin_listing(
-        shapes: Shapes,
-        lists: wp.array(dtype=wp.vec4),
-        world: int,
-        worlds: int,
-        slot: int,
-        shape: int,
-        thread: int,
-    ): ...
+    @wp.func_native(f"warpcam::begin_listing<{capacity}, {wanted}>(stage, lane, shapes);")
+    def begin_listing(stage: ListStage, lane: ListLane, shapes: Shapes): ...
 
-    @wp.func_native(
-        f"warpcam::{function}(now, state, shapes, materials, meshes, fields, history, lists, faults, columns, "
-        "width, height, compact, world, worlds, slot, shape, thread);"
-    )
+    @wp.func_native(f"warpcam::{function}(now, state, stage, lane, shapes, materials, meshes, fields, history);")
     def list_worlds(
         now: View,
         state: int,
+        stage: ListStage,
+        lane: ListLane,
         shapes: Shapes,
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
         history: FlowHistory,
-        lists: wp.array(dtype=wp.vec4),
-        faults: wp.array(dtype=wp.uint8),
-        columns: int,
-        width: int,
-        height: int,
-        compact: int,
-        world: int,
-        worlds: int,
-        slot: int,
-        shape: int,
-        thread: int,
     ): ...
 
     @wp.kernel(
@@ -71,40 +79,34 @@ def _kernel(key: ListKey) -> wp.Kernel:
         module_options=native_module("traversal/view_shape_list.h"),
     )
     def write_views_and_lists(
-        starts: wp.int32,
+        stage: ListStage,
         frame_start: FrameStart,
         pose: CameraPose,
         lens: LensParams,
-        mask: wp.array(dtype=wp.uint8),
-        faults: wp.array(dtype=wp.uint8),
-        views: wp.array(dtype=View),
         shapes: Shapes,
         materials: Materials,
         meshes: Meshes,
         fields: HeightFields,
         history: FlowHistory,
-        lists: wp.array(dtype=wp.vec4),
-        columns: wp.int32,
-        compact: wp.int32,
-        worlds_each: wp.int32,
-        rate: wp.int32,
         first: wp.int32,
     ):
         index = wp.uint32(first + wp.tid())
         block = wp.int32(index // wp.uint32(LIST_THREADS))
         thread = wp.int32(index) - block * LIST_THREADS
-        begin = block * worlds_each
-        worlds = wp.min(worlds_each, views.shape[0] - begin)
-        slot = (thread * rate) >> 16
-        shape = thread - slot * columns
-        begin_listing(shapes, lists, begin, worlds, slot, shape, thread)
+        lane = ListLane()
+        lane.first_world = block * stage.worlds_each
+        lane.worlds = wp.min(stage.worlds_each, stage.views.shape[0] - lane.first_world)
+        lane.slot = (thread * stage.rate) >> 16
+        lane.shape = thread - lane.slot * stage.columns
+        lane.thread = thread
+        begin_listing(stage, lane, shapes)
         now = View()
         state = wp.int32(0)
-        if thread < worlds:
-            world = begin + thread
-            drawn = starts != 0 and frame_start.everything != 0
+        if thread < lane.worlds:
+            world = lane.first_world + thread
+            drawn = stage.starts != 0 and frame_start.everything != 0
             if not drawn:
-                drawn = mask[world] != wp.uint8(0)
+                drawn = stage.mask[world] != wp.uint8(0)
             if drawn:
                 state = wp.int32(1)
                 if history.frame_state.shape[0] > 0:
@@ -112,17 +114,17 @@ def _kernel(key: ListKey) -> wp.Kernel:
                 count = wp.int32(0)  # loaded with the rest: memory is waited for once
                 known = wp.int32(0)
                 time = wp.float32(0.0)
-                if starts != 0:
+                if stage.starts != 0:
                     count = frame_start.frames[world]
                     if frame_start.frame_state.shape[0] > 0:
                         known = wp.int32(frame_start.frame_state[world])
                     if world < frame_start.clock.shape[0]:
                         time = frame_start.clock[world]
-                    faults[world] = wp.uint8(0)
-                now = view_of(world, pose, lens, faults)
-                views[world] = now
-                if starts != 0:
-                    mask[world] = wp.uint8(1)
+                    stage.faults[world] = wp.uint8(0)
+                now = view_of(world, pose, lens, stage.faults)
+                stage.views[world] = now
+                if stage.starts != 0:
+                    stage.mask[world] = wp.uint8(1)
                     frame_start.frames[world] = count + 1
                     if frame_start.frame_state.shape[0] > 0:
                         frame_start.frame_state[world] = wp.uint8(next_frame_state(known))
@@ -130,26 +132,7 @@ def _kernel(key: ListKey) -> wp.Kernel:
                         frame_start.times[world] = time
                     if history.frame_state.shape[0] > 0:
                         state = next_frame_state(state)
-        list_worlds(
-            now,
-            state,
-            shapes,
-            materials,
-            meshes,
-            fields,
-            history,
-            lists,
-            faults,
-            columns,
-            lens.width,
-            lens.height,
-            compact,
-            begin,
-            worlds,
-            slot,
-            shape,
-            thread,
-        )
+        list_worlds(now, state, stage, lane, shapes, materials, meshes, fields, history)
 
     return write_views_and_lists
 
@@ -177,11 +160,15 @@ def bind_lists(
         history: FlowHistory, whose motions are composed; None: none are.
         device: Where all of these lie.
     """
-    starts = int(frame_start is not None)
-    frame_start = FrameStart() if frame_start is None else frame_start
     each = min(LANES, LIST_THREADS // tables.num_shapes)
-    inputs = [starts, frame_start, pose, lens, mask, faults, views, tables.shapes, tables.materials, tables.meshes]
-    inputs += [tables.height_fields, FlowHistory() if history is None else history, lists.flatten(), tables.num_shapes]
-    inputs += [int(is_compact(tables)), each, 2**16 // tables.num_shapes + 1]
+    stage = ListStage()
+    stage.starts = int(frame_start is not None)
+    stage.mask, stage.faults, stage.views, stage.lists = mask, faults, views, lists.flatten()
+    stage.columns, stage.width, stage.height = tables.num_shapes, lens.width, lens.height
+    stage.compact = int(is_compact(tables))
+    stage.worlds_each, stage.rate = each, 2**16 // tables.num_shapes + 1
+    inputs = [stage, FrameStart() if frame_start is None else frame_start, pose, lens]
+    inputs += [tables.shapes, tables.materials, tables.meshes, tables.height_fields]
+    inputs += [FlowHistory() if history is None else history]
     threads = LIST_THREADS * -(-tables.num_worlds // each)
     return bind_launch(_kernel(key), threads, inputs, device, block_dim=LIST_THREADS, key=key)

@@ -85,13 +85,13 @@ WARPCAM_DEVICE ListedCamera* cameras_then()
 
 // Has on its way what list_worlds() needs, before views are worked out: the cameras of the last frame, where flow is
 // WANTED; what the shapes' threads load, of the warp that has to do with views first.
-template <int CAPACITY, int WANTED, class Shapes, class Lists>
-WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int first_world, int worlds, int slot,
-                                  int shape, int thread)
+template <int CAPACITY, int WANTED, class Stage, class Lane, class Shapes>
+WARPCAM_DEVICE void begin_listing(const Stage& stage, const Lane& lane, const Shapes& shapes)
 {
+    const auto [first_world, worlds, slot, shape, thread] = lane;
     if ((WANTED & FLOWS) && thread < worlds) {
         const auto& camera =
-            PackedShapeList<CAPACITY, names_slots(WANTED)>::of(lists, first_world + thread).head().camera;
+            PackedShapeList<CAPACITY, names_slots(WANTED)>::of(stage.lists, first_world + thread).head().camera;
         for (int row = 0; row < int(sizeof(ListedCamera) / sizeof(Float3Int)); ++row)
             copy_row(reinterpret_cast<Float3Int*>(cameras_then() + thread) + row,
                      reinterpret_cast<const Float3Int*>(&camera) + row);
@@ -103,15 +103,17 @@ WARPCAM_DEVICE void begin_listing(const Shapes& shapes, const Lists& lists, int 
 }
 
 // Lists the shapes of some worlds, at most WARP_SIZE, by a block that has a thread for each of their shapes: that of
-// one of these worlds, by `slot`. The first threads have a world's view each, too, and where flow is WANTED what is
-// known of the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has moved.
-template <class Types, int LENS, int CAPACITY, int WANTED, class View, class Shapes, class Materials, class Meshes,
-          class HeightFields, class History, class Lists, class Faults>
-WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes, const Materials& materials,
-                                const Meshes& meshes, const HeightFields& fields, const History& history,
-                                const Lists& lists, const Faults& faults, int columns, int width, int height,
-                                bool compact, int first_world, int worlds, int slot, int shape, int thread)
+// one of these worlds, by the lane's slot. The first threads have a world's view each, too, and where flow is WANTED
+// what is known of the world; `state` is 0 if it is not drawn. Where flow is, a shape's thread composes how it has
+// moved.
+template <class Types, int LENS, int CAPACITY, int WANTED, class View, class Stage, class Lane, class Shapes,
+          class Materials, class Meshes, class HeightFields, class History>
+WARPCAM_DEVICE void list_worlds(const View& now, int state, const Stage& stage, const Lane& lane, const Shapes& shapes,
+                                const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                                const History& history)
 {
+    const auto [first_world, worlds, slot, shape, thread] = lane;
+    const int columns = stage.columns;
     constexpr bool FLOWING = (WANTED & FLOWS) != 0, DEPTHS = (WANTED & FLOW_VALID) != 0,
                    HITS_NAME_SLOTS = names_slots(WANTED);
     using Far = PackedShapeList<CAPACITY, HITS_NAME_SLOTS>;
@@ -129,7 +131,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
         if (FLOWING)
             await_rows();
         if (state != 0)
-            Far::of(lists, first_world + thread).head().camera = camera;
+            Far::of(stage.lists, first_world + thread).head().camera = camera;
     }
     ShapePose pose;
     int kind = 0;
@@ -171,9 +173,10 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
         if (found == BROKEN)
             broken[at] = 1;
         if (found == FORMLESS && listed)
-            faults.data[world] = 1;
+            stage.faults.data[world] = 1;
         if (found == SEEN && listed
-            && place<Types, LENS, true, 4>(made, form, camera, { 0, 0, width, height }, record, tiles) == SEEN) {
+            && place<Types, LENS, true, 4>(made, form, camera, { 0, 0, stage.width, stage.height }, record, tiles)
+                   == SEEN) {
             key = record.size.w & 0x7fffffff;
             atomicAdd(&counts[at], 1);
         }
@@ -183,7 +186,7 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
     block_sync();
     if (state == 0)
         return;
-    const Far far = Far::of(lists, world);
+    const Far far = Far::of(stage.lists, world);
     auto& list = far.head();
     const bool wrong = broken[at] != 0, seen = key != NONE && !wrong;
     int rank = 0;  // of what is not seen, too: behind all else
@@ -215,12 +218,13 @@ WARPCAM_DEVICE void list_worlds(const View& now, int state, const Shapes& shapes
         if (wrong || counts[at] == 0)
             list.floor.begin();
         if (wrong)
-            faults.data[world] = 1;
+            stage.faults.data[world] = 1;
     }
     // Composes no motion for shapes that are not visible, except for the plane, which is tested as a whole.
     if (FLOWING && drawn && (seen || kind == PLANE))
         compose_motion<false, DEPTHS>(history, pose_before(before, columns), pose, kind, state, camera,
-                                      cameras_then()[at].camera, LENS == PINHOLE, Types::has(PER_SHAPE_SCALE), compact,
+                                      cameras_then()[at].camera, LENS == PINHOLE, Types::has(PER_SHAPE_SCALE),
+                                      stage.compact != 0,
                                       reinterpret_cast<Float3Int*>(history.motions.data) + first_row, columns);
 }
 
