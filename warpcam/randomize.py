@@ -15,11 +15,11 @@ from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
+from warpcam.core.world_arrays import WorldArrays, ranges_of, world_count
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import ROLE_COLOR
 from warpcam.kernels.update import randomize as kernels
-from warpcam.render.camera_binding import CameraArrays
 from warpcam.scene.scene import Scene
 
 Of = Literal["value", "offset", "factor", "turn"]
@@ -111,18 +111,22 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
     is a tensor that is written between replays.
 
     Args:
-        target: A scene, or the arrays of a camera: ``renderer.camera("front")``.
+        target: A scene, the arrays of a camera, ``renderer.camera("front")``, or the parameters of its sensor,
+            ``rig.parameters("front")``.
         seed: A whole number; or int32 on the scene's device, (1,) or (world,).
         worlds: Which worlds are drawn: ids or a mask, as ``Renderer.render`` takes them. None is all.
-        recipes: By attribute: names of ``Scene.vary``, or of the camera's arrays. A pair (low, high) stands for
+        recipes: By attribute: names of ``Scene.vary``, or of the arrays. A pair (low, high) stands for
             ``Uniform(low, high)``, a list for ``Choice``.
     """
     if isinstance(target, Scene):
         num_worlds, device = target.num_worlds, target.device
-    elif isinstance(target, CameraArrays):
-        num_worlds, device = target.near.shape[0], wp.device_from_torch(target.near.device)
+    elif isinstance(target, WorldArrays):
+        num_worlds, device = world_count(target)
     else:
-        raise WarpcamError(f"randomize: target must be a scene or renderer.camera(...), got {type(target).__name__}")
+        raise WarpcamError(
+            "randomize: target must be a scene, renderer.camera(...) or rig.parameters(...), got "
+            f"{type(target).__name__}"
+        )
     if not recipes:
         raise WarpcamError("randomize: no recipe came; give some, like light_intensity=(0.5, 1.5)")
     if target not in _randomizers:
@@ -276,7 +280,8 @@ def _record(
         )
     if any(one > other for one, other in zip(low, high, strict=True)):
         raise WarpcamError(f"randomize: {name}: low must not be above high, got {recipe.low!r}, {recipe.high!r}")
-    lowest, highest = RANGES.get(name, (-math.inf, math.inf))
+    ranges = ranges_of(target) if isinstance(target, WorldArrays) else {}
+    lowest, highest = ranges.get(name, RANGES.get(name, (-math.inf, math.inf)))
     beyond = min(low) < lowest or max(high) > highest
     turned_round = lowest == 0.0 and min(low) < 0.0
     if (recipe.of == "value" and beyond) or (recipe.of == "factor" and turned_round):

@@ -36,7 +36,7 @@ PYTHON_FLOORS = (
     ("warpcam.randomize",),
     ("warpcam.load",),
     ("warpcam",),
-    ("warpcam.visualize",),
+    ("warpcam.visualize", "warpcam.sensors"),
     ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),

@@ -263,7 +263,10 @@ def test_nothing_may_be_drawn_of_nothing(device: wp.Device) -> None:
 
 
 def test_targets_are_scenes_and_cameras(device: wp.Device) -> None:
-    with pytest.raises(WarpcamError, match=r"randomize: target must be a scene or renderer.camera\(...\), got dict"):
+    with pytest.raises(
+        WarpcamError,
+        match=r"randomize: target must be a scene, renderer.camera\(...\) or rig.parameters\(...\), got dict",
+    ):
         wc.randomize({}, light_diffuse=(0, 1))
 
 

@@ -15,6 +15,7 @@ from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core import torch_interop
 from warpcam.core.arrays import MAX_EXPOSURE, per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.passes import view_shape_lists
 from warpcam.kernels.passes import views as views_stage
 from warpcam.kernels.passes.views import CameraPose, LensParams
@@ -27,11 +28,7 @@ from warpcam.scene.scene import Scene
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
 
 
-class NoArrayError(WarpcamError, AttributeError):
-    """An array that a camera has not, or that is not to be replaced."""
-
-
-class CameraArrays:
+class CameraArrays(WorldArrays):
     """Arrays of one camera that may be written in place: tensors on the scene's device.
 
     They take effect at the next render.
@@ -43,27 +40,10 @@ class CameraArrays:
     written in the simulator's arrays.
     """
 
-    def __init__(self, where: str, arrays: dict[str, wp.array]):
-        self._where = where
-        self._names = tuple(arrays)
-        self.__dict__.update({name: torch_interop.to_torch(array) for name, array in arrays.items()})
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name.startswith("_"):
-            super().__setattr__(name, value)
-        elif value is not getattr(self, name):  # front.fovy += 1.0 puts back what it has written to
-            raise NoArrayError(f"{self._where}: {name} cannot be replaced; write to it in place: {name}[:] = ...")
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        rest = "the rest is the simulator's to hold"
+    def _instead(self, name: str) -> str:
         if name in ("exposure", "gain", "background"):
-            rest = f"{name} is there where Camera was given one{' for each world' if name == 'background' else ''}"
-        raise NoArrayError(f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}; {rest}")
-
-    def __reduce__(self) -> Any:
-        raise WarpcamError(f"{self._where}: its arrays cannot be copied or pickled: no frame would read the copy")
+            return f"; {name} is there where Camera was given one{' for each world' if name == 'background' else ''}"
+        return "; the rest is the simulator's to hold"
 
 
 class CameraBinding:

@@ -115,7 +115,8 @@ class Renderer:
             for key, target in self._passes.items()
         }
         self._arrays = {
-            key: CameraArrays(self._cameras[key].where, binding.arrays) for key, binding in self._bindings.items()
+            key: CameraArrays(self._cameras[key].where, binding.arrays, scene.num_worlds, scene.device)
+            for key, binding in self._bindings.items()
         }
         self._tables: SceneTables | None = None
         self._is_checked = False  # the first frame's faults have been told
@@ -188,6 +189,10 @@ class Renderer:
             raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
         return target.images[output]
 
+    def views(self, camera: str | int) -> wp.array:
+        """Pose and lens of a camera as the last frame had them: ``warpcam.kernels.types.View``, (world,)."""
+        return self._passes[self._key(camera)].views
+
     def camera(self, camera: str | int) -> CameraArrays:
         """Return the arrays of that camera that may be written in place: tensors on the scene's device.
 
@@ -208,6 +213,16 @@ class Renderer:
         torch_interop.require_no_capture(self._device, "set_lens")
         with self._lock, torch_interop.in_order(self._device):
             self._bindings[self._key(camera)].set_table(lens)
+
+    @property
+    def scene(self) -> Scene:
+        """Scene that is drawn."""
+        return self._scene
+
+    @property
+    def drawn(self) -> wp.array:
+        """Mask of the worlds that the last frame drew: uint8, (world,), on the scene's device."""
+        return self._selection.mask
 
     @property
     def plan(self) -> Mapping[str | int, FramePlan]:

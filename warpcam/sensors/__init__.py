@@ -1,0 +1,7 @@
+"""Sensors: what a robot's cameras and range sensors measure, in every world, on the device."""
+
+from warpcam.sensors.depth.range_limits import DepthRange
+from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.rig import Rig
+
+__all__ = ["DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]

@@ -1,0 +1,146 @@
+"""Effects of a sensor: the steps from a rendered image to a measured one, and the parameters that they have."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import warp as wp
+
+from warpcam.core import device as device_rule
+from warpcam.core import torch_interop
+from warpcam.core.arrays import per_world
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.sensors.kernels.random import Randomness
+
+Kind = Literal["depth", "linear", "display"]
+
+
+def parameter(
+    default: Any = dataclasses.MISSING, *, low: float = -np.inf, high: float = np.inf, width: tuple[int, ...] = ()
+) -> Any:
+    """Declare a field of an effect that is a number, or a row of numbers, in each world.
+
+    Args:
+        default: What it is unless given; nothing makes it an argument that must be given.
+        low: Lowest value allowed.
+        high: Highest value allowed.
+        width: Shape of an entry; () is a number.
+    """
+    return field(default=default, metadata={"low": low, "high": high, "width": width})
+
+
+class Effect:
+    """One step from a rendered image to a measured one.
+
+    Subclasses are dataclasses, frozen and without comparison (``@dataclass(frozen=True, eq=False)``). A field that is
+    declared by ``parameter`` takes a number for all worlds or numbers for each, (world, *width): numpy, torch or Warp.
+    A float32 tensor for each world on the scene's device is used where it lies, so that what is written to it later
+    counts; ``Rig.parameters`` has a tensor for each parameter, however it was given.
+
+    Attributes:
+        kind: Image that it changes: "depth" [m]; "linear", colours in linear light, white is 1; "display", colours as
+            a display takes them, from 0 to 1. Effects on linear light come before those on display colours.
+        reads: Outputs of the camera that it needs beside the image that it changes.
+        in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
+        encodes: It takes linear light and gives display colours, in place of the sRGB curve.
+    """
+
+    kind: ClassVar[Kind]
+    reads: ClassVar[tuple[str, ...]] = ()
+    in_place: ClassVar[bool] = True
+    encodes: ClassVar[bool] = False
+
+    def check(self, where: str) -> None:
+        """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""
+
+    def bind(self, frame: "EffectFrame") -> Sequence[Stage]:
+        """Bind the stages that write ``frame.target`` from ``frame.source``, in their order."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class EffectFrame:
+    """Arrays of one camera for one effect, of some worlds one after another.
+
+    Attributes:
+        source: The image before: (world, pixel) float32 or vec3, pixels row by row from the top.
+        target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
+        truth: Outputs of the renderer by name, (world, height, width, channels).
+        views: (world,) ``View``: pose and lens as the trace had them.
+        mask: (world,) uint8; worlds with 0 are left alone.
+        params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
+        randomness: Random numbers of this effect.
+        width: Of the image [pixels].
+        height: Of the image [pixels].
+        device: Where all arrays lie.
+        memory: Arrays of the effect that last from frame to frame: ``keep``.
+        worlds: Which worlds of the scene the arrays have.
+    """
+
+    source: wp.array
+    target: wp.array
+    truth: Mapping[str, wp.array]
+    views: wp.array
+    mask: wp.array
+    params: SimpleNamespace
+    randomness: Randomness
+    width: int
+    height: int
+    device: wp.Device
+    memory: dict[str, wp.array]
+    worlds: range
+
+    def per_pixel(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
+        """Bind a kernel with a thread for each pixel of each world; the index of a thread is world * pixels + pixel."""
+        return bind_launch(kernel, len(self.worlds) * self.width * self.height, inputs, self.device)
+
+    def per_world(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
+        """Bind a kernel with a thread for each world."""
+        return bind_launch(kernel, len(self.worlds), inputs, self.device)
+
+    def keep(self, name: str, width: tuple[int, ...], dtype: Any = wp.float32) -> wp.array:
+        """Memory (world, *width) that is 0 at first and after a reset of the world."""
+        if name not in self.memory:
+            self.memory[name] = wp.zeros((len(self.worlds), *width), dtype=dtype, device=self.device)
+        return self.memory[name]
+
+
+def parameters_of(effect: Effect) -> Iterator[dataclasses.Field[Any]]:
+    """Fields of an effect that have a value for each world."""
+    return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
+
+
+def parameter_array(
+    effect: Effect, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
+) -> wp.array:
+    """The values of a parameter for all worlds, (world, *width) float32, in the user's own memory where possible.
+
+    Raises:
+        WarpcamError: They are of another shape, not finite, or outside of what is allowed.
+    """
+    value, limits = getattr(effect, entry.name), entry.metadata
+    where = f"{where}: {type(effect).__name__}: {entry.name}"
+    numbers = per_world(value, where, num_worlds, limits["width"])
+    outside = numbers[(numbers < limits["low"]) | (numbers > limits["high"])]
+    if outside.size:
+        raise WarpcamError(f"{where} must be from {limits['low']:g} to {limits['high']:g}, got {outside[0]:g}")
+    given = torch_interop.as_array(value)
+    if given is not None and given.dtype is wp.float32 and given.shape == numbers.shape and given.is_contiguous:
+        device_rule.require_same(device, "the scene is", given.device, where)
+        return given
+    return wp.array(numbers, dtype=wp.float32, device=device)
+
+
+def names_of(effects: Sequence[Effect]) -> list[str]:
+    """Names of effects in an attribute: that of the class in small letters, numbered from the second of a class on."""
+    names: list[str] = []
+    for effect in effects:
+        words = type(effect).__name__
+        base = "".join(f"_{c.lower()}" if c.isupper() and k else c.lower() for k, c in enumerate(words))
+        count = sum(1 for other in effects[: len(names)] if type(other) is type(effect))
+        names.append(f"{base}_{count + 1}" if count else base)
+    return names

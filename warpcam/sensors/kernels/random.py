@@ -1,0 +1,38 @@
+"""Random numbers of measurements: each follows from a seed, its world, frame, effect and element alone."""
+
+import warp as wp
+
+
+@wp.struct
+class Randomness:
+    """Sources of the random numbers of one effect."""
+
+    seeds: wp.array(dtype=wp.int32)  # (world,)
+    frames: wp.array(dtype=wp.int32)  # (world,) frames that were measured, this one among them
+    first_world: (
+        wp.int32
+    )  # number of the first world of the arrays: its numbers do not depend on how worlds are grouped
+    stream: wp.int32  # a number of the effect, other effects have others
+
+
+@wp.func
+def world_state(randomness: Randomness, world: wp.int32, frame: wp.int32) -> wp.int32:
+    """State that is common to a world's elements in one frame."""
+    state = wp.rand_init(randomness.seeds[world], randomness.stream)
+    state = wp.rand_init(wp.int32(state), randomness.first_world + world)
+    return wp.int32(wp.rand_init(wp.int32(state), frame))
+
+
+@wp.func
+def element_state(randomness: Randomness, world: wp.int32, element: wp.int32) -> wp.uint32:
+    """State of Warp's random generator for one element, most often a pixel, of a world in this frame.
+
+    ``wp.randf``, ``wp.randn`` and ``wp.poisson`` draw from it, each the next number.
+    """
+    return wp.rand_init(world_state(randomness, world, randomness.frames[world]), element)
+
+
+@wp.func
+def lasting_state(randomness: Randomness, world: wp.int32, element: wp.int32) -> wp.uint32:
+    """State that is equal in all frames: for what differs between two devices of a kind, like fixed patterns."""
+    return wp.rand_init(world_state(randomness, world, -1), element)

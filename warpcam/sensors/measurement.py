@@ -1,0 +1,243 @@
+"""The images of one camera on their way through its effects."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.core.world_arrays import WorldArrays
+from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.render.renderer import Renderer
+from warpcam.sensors.effect import Effect, EffectFrame, names_of, parameter_array, parameters_of
+from warpcam.sensors.kernels import images as kernels
+from warpcam.sensors.kernels.random import Randomness
+
+Images = Mapping[str, wp.array]
+BindStep = Callable[[wp.array, wp.array, Images, range, wp.array], Sequence[Stage]]
+GRADES = {"linear": 0, "display": 1}  # of effects on colours, in the order in which they may come
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of a chain of images.
+
+    Attributes:
+        source: Output of the renderer that the chain begins with.
+        in_place: It may write the image that it reads.
+        bind: Gives its stages for source, target, truth, worlds and mask.
+    """
+
+    source: str
+    in_place: bool
+    bind: BindStep
+
+
+class Measurement:
+    """What one camera measures.
+
+    Attributes:
+        images: Tensors of the outputs that effects change.
+        parameters: Of the effects.
+        width: Of the images [pixels].
+        height: Of the images [pixels].
+    """
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        camera: str | int,
+        effects: Sequence[Effect],
+        *,
+        first_stream: int,
+        randomness: Callable[[int, range], Randomness],
+    ):
+        self._renderer, self._camera, self._effects = renderer, camera, list(effects)
+        self._first_stream, self._randomness = first_stream, randomness
+        if camera not in tuple(renderer.images):
+            known = ", ".join(map(repr, renderer.images))
+            raise WarpcamError(f"Rig: camera {camera!r} came, the renderer draws {known}")
+        self._truth: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in renderer.images[camera]}
+        some = next(iter(self._truth.values()))
+        self._num_worlds, self.height, self.width = some.shape[:3]
+        self._device = some.device
+        self._check()
+        self._names = names_of(self._effects)
+        self._arrays = [
+            {
+                entry.name: parameter_array(effect, entry, self._where, self._num_worlds, self._device)
+                for entry in parameters_of(effect)
+            }
+            for effect in self._effects
+        ]
+        self.parameters = self._parameters()
+        self._memories: dict[tuple[int, range], dict[str, wp.array]] = {}
+        self._chains = [chain for chain in (self._depth_steps(), self._color_steps()) if chain]
+        self._buffers = [self._make_buffers(chain) for chain in self._chains]
+        self._measured = self._make_images()
+        self.images = {name: torch_interop.to_torch(array) for name, array in self._measured.items()}
+
+    def bind(self, worlds: range, mask: wp.array) -> list[Stage]:
+        """Bind the stages that measure some worlds."""
+        within = slice(worlds.start, worlds.stop)
+        pixels = len(worlds) * self.height * self.width
+        truth = {name: array[within] for name, array in self._truth.items()}
+        stages: list[Stage] = []
+        for steps, buffers in zip(self._chains, self._buffers, strict=True):
+            source = _as_rows(truth[steps[0].source])
+            for step, place in zip(steps, _places(steps), strict=True):
+                target = buffers[place][within]
+                stages += step.bind(source, target, truth, worlds, mask)
+                source = target
+        for name in ("rgb", "rgba"):
+            if name in self._measured:
+                shown, target = _as_rows(truth[name]), _as_rows(self._measured[name][within])
+                inputs = [mask, int(self._ends_linear), self._buffers[-1][0][within], shown, target]
+                stages.append(bind_launch(kernels.store_colors, pixels, inputs, self._device))
+        return stages
+
+    def bind_reset(self, mask: wp.array) -> list[Stage]:
+        """Bind the stages that forget what effects keep from frame to frame."""
+        stages = []
+        for (_, worlds), memory in self._memories.items():
+            for array in memory.values():
+                words = array.flatten().view(wp.int32).reshape((len(worlds), -1))
+                inputs = [mask[worlds.start : worlds.stop], words]
+                stages.append(bind_launch(kernels.clear, words.size, inputs, self._device))
+        return stages
+
+    @property
+    def _where(self) -> str:
+        return f"Rig: {self._camera!r}"
+
+    def _check(self) -> None:
+        """Raise for effects that do not fit the camera or each other."""
+        grade, before = 0, ""
+        for effect in self._effects:
+            name = type(effect).__name__
+            if not isinstance(effect, Effect):
+                raise WarpcamError(f"{self._where}: effects of warpcam.sensors are allowed, got {effect!r}")
+            effect.check(f"{self._where}: {name}")
+            wanted = ["depth"] if effect.kind == "depth" else []
+            missing = [output for output in (*wanted, *effect.reads) if output not in self._truth]
+            if effect.kind != "depth" and not {"rgb", "rgba"} & set(self._truth):
+                missing.insert(0, "rgb")
+            if missing:
+                raise WarpcamError(
+                    f"{self._where}: {name} needs {' and '.join(map(repr, missing))} among the camera's outputs, which "
+                    f"are {', '.join(map(repr, self._truth))}"
+                )
+            if effect.kind == "depth":
+                continue
+            if GRADES[effect.kind] < grade:
+                raise WarpcamError(
+                    f"{self._where}: {name} changes linear light and must come before {before}, which gives or changes "
+                    "display colours"
+                )
+            if GRADES[effect.kind] > grade or effect.encodes:
+                grade, before = 1, name
+
+    def _parameters(self) -> WorldArrays:
+        arrays, ranges = {}, {}
+        for name, effect, own in zip(self._names, self._effects, self._arrays, strict=True):
+            for entry in parameters_of(effect):
+                arrays[f"{name}_{entry.name}"] = own[entry.name]
+                ranges[f"{name}_{entry.name}"] = (entry.metadata["low"], entry.metadata["high"])
+        return WorldArrays(self._where, arrays, self._num_worlds, self._device, ranges)
+
+    def _depth_steps(self) -> list[Step]:
+        depth = [number for number, effect in enumerate(self._effects) if effect.kind == "depth"]
+        return [self._step(number, "depth") for number in depth]
+
+    def _color_steps(self) -> list[Step]:
+        """Effects on colours, with the curves between bytes, linear light and display values."""
+        colors = [number for number, effect in enumerate(self._effects) if effect.kind != "depth"]
+        self._ends_linear = True
+        if not colors:
+            return []
+        source = next(name for name in ("hdr", "rgb", "rgba") if name in self._truth)
+        steps = []
+        if source != "hdr":
+            steps.append(Step(source, False, self._bind_curve(kernels.decode_bytes)))
+        elif self._renderer.scene.tables().physical is None:  # unbounded, but as a display takes it
+            steps.append(Step(source, True, self._bind_curve(kernels.decode_light)))
+        for number in colors:
+            effect = self._effects[number]
+            if effect.kind == "display" and self._ends_linear:
+                steps.append(Step(source, True, self._bind_curve(kernels.encode_light)))
+            self._ends_linear &= effect.kind == "linear" and not effect.encodes
+            steps.append(self._step(number, source))
+        return steps
+
+    def _step(self, number: int, source: str) -> Step:
+        effect = self._effects[number]
+
+        def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
+            within = slice(worlds.start, worlds.stop)
+            frame = EffectFrame(
+                source=source,
+                target=target,
+                truth=truth,
+                views=self._renderer.views(self._camera)[within],
+                mask=mask,
+                params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
+                randomness=self._randomness(self._first_stream + number, worlds),
+                width=self.width,
+                height=self.height,
+                device=self._device,
+                memory=self._memories.setdefault((number, worlds), {}),
+                worlds=worlds,
+            )
+            return effect.bind(frame)
+
+        return Step(source, effect.in_place, bind)
+
+    def _bind_curve(self, kernel: wp.Kernel) -> BindStep:
+        def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
+            pixels = len(worlds) * self.height * self.width
+            return [bind_launch(kernel, pixels, [mask, source, target], self._device)]
+
+        return bind
+
+    def _make_buffers(self, steps: Sequence[Step]) -> list[wp.array]:
+        """The measured image, and a second one where a step that is not the first looks at neighbours."""
+        dtype = wp.float32 if steps[0].source == "depth" else wp.vec3
+        shape = (self._num_worlds, self.height * self.width)
+        return [wp.zeros(shape, dtype=dtype, device=self._device) for _ in range(1 + max(_places(steps)))]
+
+    def _make_images(self) -> dict[str, wp.array]:
+        """Images that effects change."""
+        measured = {}
+        for steps, (final, *_) in zip(self._chains, self._buffers, strict=True):
+            if steps[0].source == "depth":
+                measured["depth"] = _shared(final, (self._num_worlds, self.height, self.width, 1), wp.float32)
+            else:
+                measured |= {name: wp.zeros_like(self._truth[name]) for name in ("rgb", "rgba") if name in self._truth}
+        return measured
+
+
+def _places(steps: Sequence[Step]) -> list[int]:
+    """Which buffer each step writes: the last the first one, and a step that looks at neighbours not what it reads."""
+    places, place = [], 0
+    for step in reversed(steps):
+        places.append(place)
+        place = place if step.in_place else 1 - place
+    return places[::-1]
+
+
+def _as_rows(image: wp.array) -> wp.array:
+    """An image as (world, pixel) numbers or colours; one of bytes as (world, pixel, channel)."""
+    worlds, height, width, channels = image.shape
+    if image.dtype is wp.uint8:
+        return image.reshape((worlds, height * width, channels))
+    return _shared(image, (worlds, height * width), wp.vec3 if channels == 3 else wp.float32)
+
+
+def _shared(array: wp.array, shape: tuple[int, ...], dtype: Any) -> wp.array:
+    """The array's memory, which is contiguous, in another shape and type."""
+    other = wp.array(ptr=array.ptr, shape=shape, dtype=dtype, device=array.device)
+    other._ref = array  # keeps the memory
+    return other
