@@ -55,7 +55,7 @@ def plan_shadow(
     scene |= flag_if(SceneFlag.TRANSPARENT_CASTERS, tables.layers is not None and bool(tables.layers.has_transparent))
     shapes = tables.shapes if tables.casters is None else tables.casters
     num_casters = shapes.drawn.shape[0]
-    many = MANY < num_casters <= MOST and MESH not in tables.shape_types
+    many = MANY < num_casters <= MOST and not (device.is_cuda and MESH in tables.shape_types)
     capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES if device.is_cuda else CPU_CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
     width, height = request.width, request.height

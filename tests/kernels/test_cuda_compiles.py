@@ -159,6 +159,11 @@ def test_of_meshes_and_hills(antialiasing: int, card: list[launch.Stage], folder
     assert _compile(card, folder) >= 3
 
 
+def test_of_more_casters_with_meshes_than_a_list_holds(card: list[launch.Stage], folder: Path) -> None:
+    _render(scenes.compile_xml(FEW + 200 * '<geom type="mesh" mesh="wedge"/>' + LIGHTS, assets=ASSETS), ("rgb",))
+    assert _compile([stage for stage in card if stage.module.name.startswith("shadow")], folder) == 1
+
+
 @pytest.mark.parametrize(("outputs", "shapes"), [(("rgb",), 1), (("rgb", "rgba"), 1), (("rgb",), 130)])
 def test_of_meshes_smoothed_in_place(
     outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch

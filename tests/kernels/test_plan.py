@@ -139,7 +139,8 @@ def test_registers_are_bounded_by_what_a_scene_has() -> None:
 def test_many_casters_have_a_kernel_of_their_own(shapes: int, many: bool) -> None:
     key = shadow.plan_shadow(scene(shapes=shapes), REQUEST, CARD, ALL).key
     assert key.many_casters == many
-    assert not shadow.plan_shadow(scene(types.MESH, shapes=shapes), REQUEST, CARD, ALL).key.many_casters
+    with_meshes = [shadow.plan_shadow(scene(types.MESH, shapes=shapes), REQUEST, device, ALL) for device in (CARD, CPU)]
+    assert [planned.key.many_casters for planned in with_meshes] == [False, many]
 
 
 def test_backs_of_meshes_shade() -> None:

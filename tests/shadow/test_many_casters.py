@@ -34,14 +34,19 @@ ABOVE = scenes.looking((0.3, -0.9, 5), (0.3, -0.4, 0))
 EYE = {"width": 45, "height": 27, "position": (0.3, -0.9, 5.0), "rotation": ABOVE}
 
 
-def crowded(count: int, ends: bool) -> mujoco.MjModel:
+WEDGE = '<mesh name="wedge" scale=".1 .1 .1" vertex="0 0 0  1 0 0  0 1 0  0 0 1  1 1 0"/>'
+
+
+def crowded(count: int, ends: bool, meshes: bool = False) -> mujoco.MjModel:
     random = np.random.default_rng(3)
     shapes = ""
     for i in range(count):
         (x, y, z), (a, b) = random.uniform((-2, -2, 0.1), (2, 2, 2.4)), random.uniform(-90, 90, 2)
         kind = KINDS[i % len(KINDS)]
-        shapes += f'<geom type="{kind}" size="{SIZES[kind]}" pos="{x} {y} {z}" euler="{a} {b} 0"/>'
-    mjm = scenes.compile_xml(LIGHTS + shapes + PLANES + WALLS + scenes.geom_xml("hfield"), assets=scenes.ASSETS)
+        what = 'type="mesh" mesh="wedge"' if meshes and i % 3 == 0 else f'type="{kind}" size="{SIZES[kind]}"'
+        shapes += f'<geom {what} pos="{x} {y} {z}" euler="{a} {b} 0"/>'
+    world = LIGHTS + shapes + PLANES + WALLS + scenes.geom_xml("hfield")
+    mjm = scenes.compile_xml(world, assets=scenes.ASSETS + (WEDGE if meshes else ""))
     mjm.vis.map.shadowclip = 0.4 if ends else 0.0
     return mjm
 
@@ -71,6 +76,21 @@ def test_shadows_are_those_of_every_caster(
     monkeypatch.undo()
     mjm.light_castshadow[:] = False
     assert (wanted != lit(mjm, lens)).any(axis=-1).mean() > 0.2
+    assert (images != wanted).any(axis=-1).sum() <= 2  # pixels on an edge
+
+
+@pytest.mark.parametrize(("lens", "ends"), [(wc.Pinhole(fovy=50.0), True), (wc.Orthographic(height=4.0), False)])
+def test_shadows_of_meshes_among_many_are_those_of_every_caster(
+    device: wp.Device, monkeypatch: pytest.MonkeyPatch, lens: wc.Pinhole | wc.Orthographic, ends: bool
+) -> None:
+    mjm = crowded(400, ends, meshes=True)
+    images = lit(mjm, lens)
+    monkeypatch.setattr(shadow, "MOST", 0)
+    monkeypatch.setattr(shadow, "CAPACITIES", (64,))
+    wanted = lit(mjm, lens)
+    monkeypatch.undo()
+    mjm.light_castshadow[mjm.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL] = False
+    assert (wanted != lit(mjm, lens)).any(axis=-1).mean() > 0.1
     assert (images != wanted).any(axis=-1).sum() <= 2  # pixels on an edge
 
 

@@ -1,6 +1,6 @@
 // Bounds of points and casters in a light's view, quantised so that a thousand casters fit in shared memory.
 #pragma once
-#include "shadow/casters.h"
+#include "shadow/receivers.h"
 
 namespace warpcam {
 
@@ -8,39 +8,6 @@ constexpr int GRID_CELLS = 128;  // that what a region's points cover is divided
 constexpr int PLACE_BITS = 20;  // of a shape's place among those that are drawn
 constexpr unsigned LEVELS = 1u << (32 - PLACE_BITS);  // that their heights are divided into
 constexpr unsigned GUARDS = 0x80808080u;
-
-// Bounds of points in a light's view.
-struct ReceiverBounds {
-    LightSpaceBounds bounds_uv;  // of those that lie before a light that shines forwards
-    float floor, top;
-    bool beside, any;  // some lie behind it; there are any at all
-
-    WARPCAM_DEVICE void add(const LightSpacePoint& place)
-    {
-        any = true;
-        if (place.beside) {
-            beside = true;
-            return;
-        }
-        bounds_uv = { min(bounds_uv.left, place.u), max(bounds_uv.right, place.u), min(bounds_uv.bottom, place.v),
-                      max(bounds_uv.top, place.v) };
-        floor = min(floor, place.height);
-        top = max(top, place.height);
-    }
-
-    WARPCAM_DEVICE void add(const ReceiverBounds& other)
-    {
-        const LightSpaceBounds& w = other.bounds_uv;
-        bounds_uv = { min(bounds_uv.left, w.left), max(bounds_uv.right, w.right), min(bounds_uv.bottom, w.bottom),
-                      max(bounds_uv.top, w.top) };
-        floor = min(floor, other.floor);
-        top = max(top, other.top);
-        beside |= other.beside;
-        any |= other.any;
-    }
-};
-
-WARPCAM_DEVICE ReceiverBounds no_cover() { return { { MISS, -MISS, MISS, -MISS }, MISS, -MISS, false, false }; }
 
 // A caster: the cells that it covers, and its height above its place among the shapes that are drawn.
 // The cells are four bytes: left, bottom, and what is right of it and above it.

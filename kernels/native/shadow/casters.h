@@ -165,13 +165,21 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// Fills the list with shapes from `begin` on until it is full, but for its bounds; returns where to go on. WARP_OR_ONE:
-// so many threads do it, a block or one of its warps.
-template <class Types, int WARP_OR_ONE, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Shapes& shapes,
-                                                        const Materials& materials, const Meshes& meshes,
-                                                        const HeightFields& fields, const LightView& light,
-                                                        const Camera& camera, int world, int thread)
+// Any caster.
+struct AllCasters {
+    static constexpr bool TIGHT = false;  // bounds_uv_of()
+    WARPCAM_DEVICE bool has(const Caster&) const { return true; }
+};
+
+// Fills the list with those of the `wanted` shapes from `begin` on until it is full, but for its bounds; returns where
+// to go on. WARP_OR_ONE: so many threads do it, a block or one of its warps.
+template <class Types, int WARP_OR_ONE, class Wanted, class List, class Shapes, class Materials, class Meshes,
+          class HeightFields>
+WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, const Wanted& wanted,
+                                                        const Shapes& shapes, const Materials& materials,
+                                                        const Meshes& meshes, const HeightFields& fields,
+                                                        const LightView& light, const Camera& camera, int world,
+                                                        int thread)
 {
     const int total = shapes.drawn.shape[0];
     while (begin < total) {
@@ -180,8 +188,9 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
-                && !transparent(shapes, materials, world, id)) {
+            if (prepare_caster<Types, Wanted::TIGHT>(load_shape(shapes, world, id), light, camera, meshes, fields,
+                                                     caster)
+                && wanted.has(caster) && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(list.count);
                 list.records[slot] = caster.record;
                 list.aims[slot] = caster.aim;
@@ -214,13 +223,13 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
 }
 
 // Builds the list with its bounds, by a whole block.
-template <class Types, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_DEVICE int gather_casters(List& list, int begin, const Shapes& shapes, const Materials& materials,
-                                  const Meshes& meshes, const HeightFields& fields, const LightView& light,
-                                  const Camera& camera, int world, int thread)
+template <class Types, class Wanted, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_DEVICE int gather_casters(List& list, int begin, const Wanted& wanted, const Shapes& shapes,
+                                  const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                                  const LightView& light, const Camera& camera, int world, int thread)
 {
-    begin =
-        collect_casters<Types, THREADS>(list, begin, shapes, materials, meshes, fields, light, camera, world, thread);
+    begin = collect_casters<Types, THREADS>(list, begin, wanted, shapes, materials, meshes, fields, light, camera,
+                                            world, thread);
 #if defined(__CUDA_ARCH__)
     if (thread < WARP_SIZE)
         find_bounds(list);

@@ -34,45 +34,6 @@ struct PickedCasters {
     int places[PICKED];  // among the shapes that are drawn
 };
 
-// Union of the bounds that a warp's lanes have found.
-WARPCAM_DEVICE ReceiverBounds joined(const ReceiverBounds& cover)
-{
-    const LightSpaceBounds& w = cover.bounds_uv;
-    return { { warp_min(w.left), -warp_min(-w.right), warp_min(w.bottom), -warp_min(-w.top) },
-             warp_min(cover.floor),
-             -warp_min(-cover.top),
-             __any_sync(FULL_WARP, cover.beside) != 0,
-             __any_sync(FULL_WARP, cover.any) != 0 };
-}
-
-// The point that a pixel shows, if something may keep the light from it.
-struct Asking {
-    size_t at;  // the pixel
-    Vec3 p;
-    int id;  // of its shape
-    LightSpacePoint place;
-    Span span;
-    bool asks;
-};
-
-template <int LENS, class Target>
-WARPCAM_DEVICE Asking asking_at(const LightPass<LENS>& task, const Target& target, int column, int row)
-{
-    Asking a {};
-    const ReceiverView<LENS>& view = task.view;
-    const int i = task.region.left + column, j = task.region.top + row;
-    a.at = task.corner + unsigned(row * target.width + column);
-    a.id = i < target.width && j < target.height ? target.shape.data[a.at] : -1;
-    if (a.id >= 0) {
-        const float depth = target.depth.data[a.at];
-        a.p = view.reconstructor.point(float(i), float(j), depth);
-        a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
-        a.span = span_of(view.light, view.origin, a.p, depth);
-        a.asks = a.span.near < a.span.reach;
-    }
-    return a;
-}
-
 // Looks through the patches of a region.
 template <int LENS, int WIDTH, int HEIGHT, class Target>
 WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Patch* patches, int warp, int lane)

@@ -64,6 +64,8 @@ inline int gather_near(List& list, CasterBounds8<List::CAPACITY>& bounds_uv, int
             mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);
             list.bounds_uv[slot] = caster.bounds_uv;
             list.heights[slot] = caster.height;
+            if (Types::has(MESH))
+                list.boxes[slot] = caster.box;
             bounds_uv.add(caster.bounds_uv, caster.height);
         }
     }
@@ -92,19 +94,18 @@ template <int CAPACITY> struct PickedWindows : CasterBounds8<CAPACITY> {
     int slot_of(int number) const { return slots[number]; }
 };
 
-// Shadows in one region of one view, as cast() has them, of shapes without meshes.
+// Shadows in one region of one view, as cast() has them.
 template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
           class HeightFields, class Lights, class Views, class Target>
 inline void cast_many(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                       const HeightFields& fields, const Lights& lights, const Views& views, const Target& target,
                       int index)
 {
-    static_assert(!Types::has(MESH));
     constexpr int ACROSS = WIDTH / TILE_WIDTH, DOWN = HEIGHT / TILE_HEIGHT;
     constexpr int PATCH_ACROSS = min(PATCH, WIDTH) / TILE_WIDTH, PATCH_DOWN = min(PATCH, HEIGHT) / TILE_HEIGHT;
     static_assert(ACROSS % PATCH_ACROSS == 0 && DOWN % PATCH_DOWN == 0);
     constexpr int PATCHES_ACROSS = ACROSS / PATCH_ACROSS, PATCHES = PATCHES_ACROSS * (DOWN / PATCH_DOWN);
-    CasterList<CAPACITY, false> list;
+    CasterList<CAPACITY, Types::has(MESH)> list;
     CasterBounds8<CAPACITY> bounds_uv;
     PickedWindows<CAPACITY> picked;
     Spheres spheres[CAPACITY / SIMD_WIDTH];  // for all lights

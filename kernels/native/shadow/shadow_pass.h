@@ -4,12 +4,14 @@
 #include "shadow/plane_receiver_cull.h"
 #include "lights/active_lights.h"
 #include "shadow/mesh_any_hit.h"
+#include "shadow/receivers.h"
 #include "shadow/shadow_strips.h"
 #include "shadow/occluder_boxes.h"
 
 namespace warpcam {
 
 constexpr int FEW_CASTERS = 2;
+constexpr int FULL_LIST = 192;  // the largest list; in scenes of more casters it has those that a region needs
 
 // True if an active light casts shadows. A light without colour has none to take away.
 template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
@@ -308,8 +310,8 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 if (lane == 0)
                     tasks[warp] = { view, region, corner, world, 1u << own_place, false };
                 warp_sync();
-                collect_casters<Types, WARP_SIZE>(list, 0, shapes, materials, meshes, fields, view.light, camera, world,
-                                                  lane);
+                collect_casters<Types, WARP_SIZE>(list, 0, AllCasters {}, shapes, materials, meshes, fields, view.light,
+                                                  camera, world, lane);
                 warp_sync();
                 if constexpr (uses_occluder_boxes<Types>()) {
                     for (int slot = 0; slot < list.count; ++slot)
@@ -331,12 +333,31 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         return;
     }
 #endif
+    auto& list = lists[0];
+    auto& task = tasks[0];
+#if defined(__CUDA_ARCH__)
+    constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
+    WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
+#endif
+    const auto gather = [&](int begin, const LightView& light, const Camera& camera) {
+#if defined(__CUDA_ARCH__)
+        if constexpr (FULL) {
+            if (total > CAPACITY) {
+                if (begin == 0)
+                    survey_region<WIDTH, HEIGHT>(task, target, covers, thread);
+                return covers[0].any ? gather_casters<Types>(list, begin, NearCasters { covers[0] }, shapes, materials,
+                                                             meshes, fields, light, camera, world, thread)
+                                     : total;
+            }
+        }
+#endif
+        return gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
+                                     world, thread);
+    };
     for (int number = 0; number < num_lights; ++number) {
         const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        auto& list = lists[0];
-        auto& task = tasks[0];
         int begin = 0;
         do {
             block_sync();  // the list may still be in use
@@ -348,8 +369,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
                 block_sync();
-                begin = gather_casters<Types>(list, begin, shapes, materials, meshes, fields, own.light, camera, world,
-                                              thread);
+                begin = gather(begin, own.light, camera);
             }
             if (list.count > 0)
                 cast_light<Types, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
