@@ -280,7 +280,7 @@ def test_unknown_cameras_are_refused() -> None:
         sensors.Rig(renderer, {"front": [Noise()]})
     with pytest.raises(wc.WarpcamError, match="sensors must be a dict of effects by camera"):
         sensors.Rig(renderer, {})
-    with pytest.raises(wc.WarpcamError, match="renderer must be a warpcam.Renderer"):
+    with pytest.raises(wc.WarpcamError, match=r"renderer must be a warpcam\.Renderer"):
         sensors.Rig(None, {"top": [Noise()]})
     with pytest.raises(wc.WarpcamError, match="camera 'front' came, it measures 'top'"):
         sensors.Rig(renderer, {"top": [Noise()]}).parameters("front")
