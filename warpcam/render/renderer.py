@@ -271,7 +271,7 @@ class Renderer:
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
             frame_start = make_frame_start(everything, clock, self._counters, self._device, known)
-            frames[everything] = [[list(record_views(frame_start))]]
+            frames[everything] = [[[*self._head(everything), *record_views(frame_start)]]]
             frames[everything] += self._bind_motion(tables)
             phases: list[Rounds] = [[batches] for batches in scratch.phases(images if everything else None)]
             chains = None
@@ -285,13 +285,21 @@ class Renderer:
             else:
                 for phase in phases:
                     frames[everything] += self._bind_phase(tables, phase, busiest)
-            frames[everything] += self._bind_history(tables)
+            frames[everything] += [*self._bind_history(tables), *self._tail()]
         self._phases, self._recordings = frames, {}
         if self._shape_history is not None:
             self._forget = self._shape_history.bind_reset(mask)
             self._forget.prepare()
         prepare([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
+
+    def _head(self, everything: bool) -> Sequence[Stage]:
+        """Stages of a subclass before a frame's views; until then the mask says nothing of ``everything``."""
+        return ()
+
+    def _tail(self) -> list[list[list[Stage]]]:
+        """Phases of a subclass at the end of a frame."""
+        return []
 
     def _bind_motion(self, tables: SceneTables) -> list[list[list[Stage]]]:
         """The phase before the trace that looks at what was, if some camera asks for flow."""
