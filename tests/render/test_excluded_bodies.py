@@ -66,9 +66,7 @@ def test_other_cameras_see_all(device: wp.Device) -> None:
     scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
     some = wc.Camera("some", height=32, lens=wc.Pinhole(fovy=60.0), outputs=("segmentation",), exclude_bodies=1, **EYE)
     images = wc.Renderer(scene, [some, scenes.own_camera(**EYE)]).render()
-    np.testing.assert_array_equal(
-        images["eye"]["segmentation"].cpu().numpy()[..., 0], rendered(device)["segmentation"]
-    )
+    np.testing.assert_array_equal(images["eye"]["segmentation"].cpu().numpy()[..., 0], rendered(device)["segmentation"])
     assert mjm.geom("plane").id in images["eye"]["segmentation"]
     assert mjm.geom("plane").id not in images["some"]["segmentation"]
 

@@ -109,13 +109,13 @@ class EffectFrame:
         return self.memory[name]
 
 
-def parameters_of(effect: Effect) -> Iterator[dataclasses.Field[Any]]:
-    """Fields of an effect that have a value for each world."""
+def parameters_of(effect: object) -> Iterator[dataclasses.Field[Any]]:
+    """Fields of an effect, or of another dataclass, that have a value for each world."""
     return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
 
 
 def parameter_array(
-    effect: Effect, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
+    effect: object, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
 ) -> wp.array:
     """The values of a parameter for all worlds, (world, *width) float32, in the user's own memory where possible.
 
@@ -135,7 +135,7 @@ def parameter_array(
     return wp.array(numbers, dtype=wp.float32, device=device)
 
 
-def names_of(effects: Sequence[Effect]) -> list[str]:
+def names_of(effects: Sequence[object]) -> list[str]:
     """Names of effects in an attribute: that of the class in small letters, numbered from the second of a class on."""
     names: list[str] = []
     for effect in effects:
