@@ -259,6 +259,7 @@ class Lidar:
         scan.miss, scan.raw, scan.in_world = miss, int(raw), int(in_world)
         shape = (self._num_worlds, self.pattern.rows, self.pattern.columns)
         shape = shape if self._echoes == 1 else (*shape, self._echoes)
+        count = self.pattern.rows * self.pattern.columns * self._echoes
         self.scan: dict[str, torch_interop.Tensor] = {}
         for name, report in REPORTS.items():
             if name == "times":
@@ -267,9 +268,9 @@ class Lidar:
             if not wanted:
                 continue
             ends = (report.channels,) if report.channels else ()
-            array = wp.zeros((*shape, *ends), dtype=report.dtype, device=self._device)
-            setattr(scan, name, array.reshape((self._num_worlds, -1, *ends)))
-            self.scan[name] = torch_interop.to_torch(array)
+            array = wp.zeros((self._num_worlds, count, *ends), dtype=report.dtype, device=self._device)
+            setattr(scan, name, array)
+            self.scan[name] = torch_interop.to_torch(array).view((*shape, *ends))
         if "times" in self._outputs:
             times = torch_interop.to_torch(wp.array(self.pattern.times, dtype=wp.float32, device=self._device))
             self.scan["times"] = (times if self._echoes == 1 else times[..., None]).expand(shape)
