@@ -67,7 +67,7 @@ class Camera:
     background: Any = None
     exposure: Any = None
     gain: Any = None
-    exclude_bodies: str | int | Sequence[str | int] = ()
+    exclude_bodies: Any = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.name, bool) or not isinstance(self.name, str | int | np.integer) or self.name == "":
@@ -104,7 +104,7 @@ class Camera:
             raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
         object.__setattr__(self, "antialiasing", int(self.antialiasing))
         self._check_background()
-        object.__setattr__(self, "exclude_bodies", self._several_bodies())
+        object.__setattr__(self, "exclude_bodies", self._excluded())
 
     @property
     def is_own(self) -> bool:
@@ -122,7 +122,7 @@ class Camera:
             raise WarpcamError(f"{self.where}: {name} must be a whole number of pixels, at least 1, got {value!r}")
         return int(value)
 
-    def _several_bodies(self) -> tuple[str | int, ...]:
+    def _excluded(self) -> tuple[str | int, ...]:
         bodies = self.exclude_bodies
         several = (bodies,) if isinstance(bodies, str | int | np.integer) else bodies
         if not isinstance(several, Sequence) or not all(

@@ -11,8 +11,6 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import PLANE, SPLATS, Shapes
 
-FIELDS = tuple(Shapes.vars)
-
 
 class ExcludedBodies:
     """The scene's shapes without those of some bodies.
@@ -38,9 +36,8 @@ class ExcludedBodies:
 
     def without(self, tables: SceneTables) -> SceneTables:
         """The tables without these shapes, which cast shadows nevertheless; kernels are those of all shapes."""
-        shapes = Shapes()
-        for name in FIELDS:
-            setattr(shapes, name, getattr(tables.shapes, name))
+        shapes: Any = Shapes()
+        shapes.assign(tables.shapes)
         shapes.drawn, shapes.places = self._drawn, self._places
         casters: Any = tables.shapes if tables.casters is None else tables.casters
         return replace(tables, shapes=shapes, first_plane=self._first_plane, casters=casters)

@@ -257,8 +257,7 @@ class Lidar:
         """The struct of outputs, and their tensors in ``scan``."""
         scan = scan_measurement.Scan()
         scan.miss, scan.raw, scan.in_world = miss, int(raw), int(in_world)
-        shape = (self._num_worlds, self.pattern.rows, self.pattern.columns)
-        shape = shape if self._echoes == 1 else (*shape, self._echoes)
+        shape = (self._num_worlds, self.pattern.rows, self.pattern.columns, *([self._echoes] * (self._echoes > 1)))
         count = self.pattern.rows * self.pattern.columns * self._echoes
         self.scan: dict[str, torch_interop.Tensor] = {}
         for name, report in REPORTS.items():

@@ -77,5 +77,5 @@ def _spread(directions: np.ndarray, divergence: float) -> np.ndarray:
     ring = np.cos(angle) * axis[..., None, :] + np.sin(angle) * (
         np.cos(around) * right[..., None, :] + np.sin(around) * up[..., None, :]
     )
-    seeing = axis.any(axis=-1)[..., None, None]
+    seeing = np.any(axis != 0.0, axis=-1, keepdims=True)[..., None]
     return np.where(seeing, np.concatenate((axis[..., None, :], ring), axis=-2), 0.0)
