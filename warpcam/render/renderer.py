@@ -1,7 +1,6 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
 import itertools
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +23,7 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.render.camera_binding import CameraArrays, CameraBinding
 from warpcam.render.camera_passes import CameraPasses, Stages
+from warpcam.render.faults import tell_faults
 from warpcam.render.flow_history import ShapeHistory
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
 from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
@@ -100,11 +100,8 @@ class Renderer:
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = torch_interop.to_torch(self._faults)
-        self._counters = FrameCounters.of(scene.num_worlds, scene.device)
-        self.frames, self.times = (
-            torch_interop.to_torch(self._counters.frames),
-            torch_interop.to_torch(self._counters.times),
-        )
+        counters = self._counters = FrameCounters.of(scene.num_worlds, scene.device)
+        self.frames, self.times = map(torch_interop.to_torch, (counters.frames, counters.times))
         self.images: Images = {
             key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._passes.items()
@@ -115,8 +112,7 @@ class Renderer:
         }
         self._tables: SceneTables | None = None
         self._is_checked = False  # the first frame's faults have been told
-        # What is drawn by the scene's stages, the last used at the end.
-        self._recordings: dict[tuple[Stage, ...], Recording] = {}
+        self._recordings: dict[tuple[Stage, ...], Recording] = {}  # by the scene's stages, the last used at the end
         with building:
             self._bind(tables)
 
@@ -156,7 +152,8 @@ class Renderer:
                     self._bind(tables)
             self._run(worlds is None, capturing)
             if not (self._is_checked or capturing):
-                self._tell_faults()
+                self._is_checked = True
+                tell_faults(self._faults)
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -226,18 +223,6 @@ class Renderer:
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
-
-    def _tell_faults(self) -> None:
-        """Warn, after the first frame, of faulty worlds: most often their state was never forwarded."""
-        self._is_checked = True
-        if count := int(np.count_nonzero(self._faults.numpy())):
-            logging.getLogger("warpcam").warning(
-                "render: %d of %d worlds made no image or miss a shape, see Renderer.faulty: a pose, size or lens is "
-                "not finite, or a rotation or size is 0, as in a state whose kinematics never ran. Run mj_forward, "
-                "mujoco_warp.forward or newton.eval_fk first, or call render(forward=True)",
-                count,
-                self._scene.num_worlds,
-            )
 
     def _key(self, camera: str | int) -> str | int:
         if camera not in tuple(self._cameras):
