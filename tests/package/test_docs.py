@@ -197,6 +197,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
+    "docs/sensors_lidar.md": looked_at,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
