@@ -23,7 +23,7 @@ from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrid
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.render.camera_passes import CameraPasses
-from warpcam.render.excluded_bodies import ExcludedBodies
+from warpcam.render.excluded_bodies import ExcludedBodies, kept_shapes
 from warpcam.scene.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -60,9 +60,7 @@ class CameraBinding:
         self._camera = camera
         self._index = -1 if camera.is_own else scene.camera(camera.name, "Renderer: cameras")
         self._parent = -1 if camera.parent is None else scene.body(camera.parent, f"{camera.where}: parent")
-        where = f"{camera.where}: exclude_bodies"
-        bodies = [scene.body(body, where) for body in camera.exclude_bodies]
-        self._excluded = ExcludedBodies(bodies, scene.tables(), where) if bodies else None
+        self._excluded = ExcludedBodies(kept_shapes(camera, scene), scene.tables()) if camera.exclude_bodies else None
         self.arrays: dict[str, wp.array] = {}
         if camera.is_own:
             self._own("position", (0.0, 0.0, 0.0) if camera.position is None else camera.position, wp.vec3)
@@ -322,11 +320,11 @@ def pose_bytes(camera: Camera) -> int:
 def shared_bytes(camera: Camera, scene: Scene) -> int:
     """Bytes of what a camera has beside, however many worlds there are.
 
-    These are a lens's table, that there is no skybox, and at most which shapes it sees if it does not see all.
+    These are a lens's table, that there is no skybox, and which shapes it sees if it does not see all.
     """
     lens, size = camera.lens, (camera.width, camera.height, scene.num_worlds)
     table = lens.bytes(*size) if isinstance(lens, RayTableLens) else 0
-    seen = 8 * scene.tables().num_shapes if camera.exclude_bodies else 0
+    seen = 4 * (len(kept_shapes(camera, scene)) + scene.tables().num_shapes) if camera.exclude_bodies else 0
     return table + seen + 4 * isinstance(camera.background, np.ndarray)
 
 

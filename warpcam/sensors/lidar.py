@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,6 +15,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
 from warpcam.sensors.effect import names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
@@ -104,6 +105,7 @@ class Lidar:
             ``position``, ``rotation``, ``min_range``, ``max_range``, and those of ``noise`` and ``dropout``, named like
             ``range_noise_bias`` and ``dropout_rate``.
         renderer: Renderer of the rays; its images are the truth.
+        memory: What was allocated for it all, images of the rays and returns; its poses and parameters aside.
 
     Raises:
         WarpcamError: An argument does not fit, or more memory is needed than the device has free.
@@ -166,6 +168,8 @@ class Lidar:
             far=pattern.max_range,
             exclude_bodies=exclude_body,
         )
+        self.memory = self._memory(estimate_memory(scene, [camera]))
+        require_free(self.memory, scene.device)
         near = per_world(pattern.min_range, "Lidar: min_range", self._num_worlds, ())
         arrays = {"min_range": wp.array(near, dtype=wp.float32, device=self._device)}
         limits = {"min_range": (0.0, math.inf), "max_range": (0.0, math.inf)}
@@ -252,6 +256,14 @@ class Lidar:
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Lidar: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
+    def _memory(self, images: Memory) -> Memory:
+        """Memory of the rays' images and of what is reported."""
+        returns = self._num_worlds * self.pattern.rows * self.pattern.columns * self._echoes
+        reported = {
+            name: 4 * returns * max(REPORTS[name].channels, 1) for name in {*self._outputs, "ranges"} - {"times"}
+        }
+        return replace(images, images={**images.images, "returns": reported})
 
     def _make_scan(self, miss: float, raw: bool, in_world: bool) -> Any:
         """The struct of outputs, and their tensors in ``scan``."""

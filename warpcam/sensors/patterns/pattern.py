@@ -27,7 +27,7 @@ class Pattern:
         min_range: Nothing nearer gives a return; at least 0 [m].
         max_range: Nothing farther gives a return; beyond ``min_range``, may be inf [m].
         table: (n, 3) float32, directions of a sweep that takes ``rows * columns`` of them at each read, column after
-            column, and goes on where the last read ended; None: all reads have the same directions.
+            column, and goes on where the last read of any worlds ended; None: all reads have the same directions.
     """
 
     directions: Any
