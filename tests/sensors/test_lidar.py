@@ -14,6 +14,7 @@ import warpcam as wc
 from warpcam import sensors
 from warpcam.core.errors import WarpcamError
 from warpcam.sensors import patterns
+from warpcam.sensors.scan_lens import parallel_lens
 
 ALL = ("ranges", "intensities", "ids", "bodies", "normals", "points", "times")
 TURN = np.array((0.9, 0.1, -0.2, 0.4))
@@ -75,6 +76,40 @@ def test_height_fields_are_met(device: wp.Device) -> None:
         start = np.array((2.5, 0.0, 3.0)) + place
         distance = mujoco.mj_ray(mjm, mjd, start, np.array((0.0, 0.0, -1.0)), None, 1, -1, found)
         assert abs(along - distance) < 1e-4
+
+
+@pytest.mark.parametrize("rows", ["up", "down", "one"])
+def test_grids_are_as_fast_as_images(device: wp.Device, rows: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Straight down from a grid a lens without a table sees what a table sees; no other rays have that lens."""
+    pattern = patterns.grid((5.0, 0.0 if rows == "one" else 4.0), 0.1)
+    turn = slice(None, None, -1 if rows == "down" else 1)
+    pattern = patterns.rays(pattern.directions, origins=pattern.origins[turn])
+    mjm = around()
+    scene = wc.from_mujoco(mjm, posed(mjm, (0.1, 0.2, 2.0), TURN), device=device)
+    settings = {"parent": "base", "exclude_body": "base", "outputs": ALL, "position": MOUNT, "alignment": "yaw"}
+    fast = sensors.Lidar(scene, pattern, **settings)
+    seen = host(fast.read())
+    assert fast.renderer.memory.worlds < 4 * pattern.rows * pattern.columns
+    monkeypatch.setattr("warpcam.sensors.lidar.parallel_lens", lambda pattern: None)
+    table = host(sensors.Lidar(scene, pattern, **settings).read())
+    same = seen["ids"] == table["ids"]
+    assert same.mean() > 0.99 and (seen["ids"] >= 0).mean() > 0.05
+    for name in ("ranges", "points", "normals", "intensities"):
+        np.testing.assert_allclose(seen[name][same], table[name][same], atol=2e-3 if name == "normals" else 1e-4)
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        patterns.grid((1.0, 0.6), 0.2, ordering="yx"),
+        patterns.grid((1.0, 0.6), 0.2, direction=(0.0, 0.1, -1.0)),
+        patterns.grid((1.0, 0.5), 0.2),
+        patterns.rays(np.full((2, 2, 3), (0, 0, -1.0)), origins=np.random.default_rng(0).uniform(size=(2, 2, 3))),
+        patterns.spinning([-90.0], columns=4),
+    ],
+)
+def test_other_rays_have_tables(pattern: patterns.Pattern) -> None:
+    assert parallel_lens(pattern) is None
 
 
 @pytest.mark.parametrize("frame", ["sensor", "world"])

@@ -21,7 +21,7 @@ from warpcam.sensors.effect import names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
 from warpcam.sensors.lidar_noise import Dropout, RangeNoise
 from warpcam.sensors.patterns.pattern import Pattern
-from warpcam.sensors.scan_lens import ScanLens, spread_rays
+from warpcam.sensors.scan_lens import ScanLens, parallel_lens, spread_rays
 from warpcam.sensors.scan_renderer import CAMERA, ScanRenderer, ScanSetup, reach_of
 from warpcam.sensors.seeds import seeds_of
 
@@ -157,12 +157,13 @@ class Lidar:
         if moves and pattern.rate is None:
             raise WarpcamError('Lidar: sweep="moving" needs a pattern with a rate, which says when each ray is sent')
         origins = np.zeros_like(traced.directions) if moves and traced.origins is None else traced.origins
+        parallel = None if moves or divergence is not None else parallel_lens(pattern)
         camera = Camera(
             CAMERA,
             width=traced.columns,
             height=traced.rows,
             outputs=("distance", *_camera_outputs(self._outputs)),
-            lens=ScanLens(traced.directions, origins, per_world=moves),
+            lens=ScanLens(traced.directions, origins, per_world=moves) if parallel is None else parallel[0],
             position=position,
             rotation=rotation,
             far=pattern.max_range,
@@ -190,11 +191,11 @@ class Lidar:
         setup = ScanSetup(
             mount=mount,
             poses=self._poses,
-            rays=self._make_rays(traced, moves),
+            rays=self._make_rays(traced, moves, flipped=parallel is not None and parallel[1]),
             scan=scan,
             params=params,
             seeds=seeds_of(seed, "Lidar", self._num_worlds, self._device),
-            echoes=0 if divergence is None else self._echoes,
+            echoes=self._make_echoes(divergence is not None),
             gap=0.0 if echo_gap is None else float(echo_gap),
             moves=moves,
             reach=reach_of(traced.origins),
@@ -288,6 +289,15 @@ class Lidar:
         self.scan = {name: self.scan[name] for name in self._outputs}
         return scan
 
+    def _make_echoes(self, widens: bool) -> Any:
+        echoes = scan_measurement.Echoes()
+        if widens:
+            echoes.count, echoes.spread = self._echoes, scan_echoes.SPREAD
+            shape = (self._num_worlds, self.pattern.rows * self.pattern.columns * self._echoes)
+            echoes.distance, echoes.light = (wp.zeros(shape, dtype=wp.float32, device=self._device) for _ in range(2))
+            echoes.rays = wp.zeros(shape, dtype=wp.int32, device=self._device)
+        return echoes
+
     def _make_poses(self) -> Any:
         poses, worlds, device = scan_poses.ScanPoses(), self._num_worlds, self._device
         poses.known = wp.zeros(worlds, dtype=wp.uint8, device=device)
@@ -307,11 +317,11 @@ class Lidar:
             wp.array(unit, dtype=wp.vec4, device=self._device),
         )
 
-    def _make_rays(self, traced: Pattern, moves: bool) -> Any:
+    def _make_rays(self, traced: Pattern, moves: bool, flipped: bool) -> Any:
         rays, device = scan_rays.ScanRays(), self._device
         table = traced.directions if traced.table is None else traced.table
         rays.directions = wp.array(table.reshape(-1, 3), dtype=wp.vec3, device=device)
-        rays.rows, rays.columns = traced.rows, traced.columns
+        rays.rows, rays.columns, rays.flipped = traced.rows, traced.columns, int(flipped)
         if traced.origins is not None:
             rays.origins = wp.array(traced.origins.reshape(-1, 3), dtype=wp.vec3, device=device)
         if moves and traced.rate is not None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from warpcam.camera.lens import Orthographic
 from warpcam.camera.lens_tables import RayTableLens
 from warpcam.sensors.kernels.scan_echoes import SPREAD
 from warpcam.sensors.patterns.pattern import Pattern
@@ -41,6 +42,26 @@ class ScanLens(RayTableLens):
 
     def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
         return self.directions[None]
+
+
+def parallel_lens(pattern: Pattern) -> tuple[Orthographic, bool] | None:
+    """The lens of a pattern whose rays run straight down from a square grid about the sensor's position, else None.
+
+    It takes a fraction of the time of a table. With it comes whether rows of its images run the other way.
+    """
+    if pattern.table is not None or pattern.origins is None or (pattern.directions != (0.0, 0.0, -1.0)).any():
+        return None
+    origins = pattern.origins.astype(np.float64)
+    across, down = origins[0, :, 0], origins[:, 0, 1]
+    steps = [np.diff(along).mean() if len(along) > 1 else None for along in (across, down)]
+    step = next((abs(each) for each in steps if each), 1.0)
+    x = step * (np.arange(pattern.columns) - 0.5 * (pattern.columns - 1))
+    y = step * (np.arange(pattern.rows) - 0.5 * (pattern.rows - 1))
+    flipped = len(down) > 1 and down[-1] > down[0]
+    grid = np.stack((*np.meshgrid(x, y if flipped else y[::-1]), np.zeros(origins.shape[:2])), axis=-1)
+    if not np.allclose(origins, grid, rtol=0.0, atol=1e-5 * step):
+        return None
+    return Orthographic(height=step * pattern.rows), flipped
 
 
 def spread_rays(pattern: Pattern, divergence: float) -> Pattern:

@@ -13,9 +13,11 @@ from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
 from warpcam.sensors.kernels.random import Randomness
+from warpcam.sensors.kernels.scan_echoes import SPREAD
 
 CAMERA = "lidar"
 BLOCK_DIM = 32  # of stages with a thread for each world
+CPU_RUN = 64  # returns that a thread of a CPU writes: arguments are copied for each thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,7 @@ class ScanSetup:
         scan: ``Scan``.
         params: ``ScanParams``, but for ``max_range``.
         seeds: int32, (world,).
-        echoes: Returns of a beam; 0: a beam is one ray.
+        echoes: ``Echoes``.
         gap: Between echoes [m].
         moves: Rays are sent on the way from the last pose to this.
         reach: How far from the sensor's position rays begin at most [m].
@@ -41,7 +43,7 @@ class ScanSetup:
     scan: Any
     params: Any
     seeds: wp.array
-    echoes: int
+    echoes: Any
     gap: float
     moves: bool
     reach: float
@@ -80,29 +82,28 @@ class ScanRenderer(Renderer):
         return stages
 
     def _tail(self) -> list[list[list[Stage]]]:
-        """The stage that measures."""
-        setup, device = self._setup, self._device
+        """Stages that measure."""
+        setup, device, mask = self._setup, self._device, self._selection.mask
         images = self._passes[CAMERA].images
-        size = (self._scene.num_worlds, setup.rays.rows * setup.rays.columns)
-        traced, frame = scan_measurement.TracedScan(), scan_measurement.ScanFrame()
-        traced.distance = images["distance"].reshape(size)
+        worlds, pixels = self._scene.num_worlds, setup.rays.rows * setup.rays.columns
+        traced, randomness = scan_measurement.TracedScan(), Randomness()
+        traced.distance = images["distance"].reshape((worlds, pixels))
         for name, output in (("shapes", "segmentation"), ("bodies", "bodies")):
             if output in images:
-                setattr(traced, name, images[output].reshape(size))
+                setattr(traced, name, images[output].reshape((worlds, pixels)))
         for name in ("normals", "albedo"):
             if name in images:
-                setattr(traced, name, images[name].reshape((*size, 3)))
-        randomness = Randomness()
+                setattr(traced, name, images[name].reshape((worlds, pixels, 3)))
         randomness.seeds, randomness.frames = setup.seeds, self._counters.frames
         setup.params.max_range = self.max_range
-        frame.rays, frame.poses, frame.traced = setup.rays, setup.poses, traced
-        frame.params, frame.randomness, frame.scan = setup.params, randomness, setup.scan
-        mask = self._selection.mask
-        if not setup.echoes:
-            return [[[bind_launch(scan_measurement.measure, size[0] * size[1], [mask, frame], device)]]]
-        beams = size[0] * size[1] // scan_echoes.SPREAD
-        inputs = [mask, frame, setup.gap, setup.echoes]
-        return [[[bind_launch(scan_echoes.measure_echoes, beams, inputs, device)]]]
+        stages = []
+        if setup.echoes.spread:
+            inputs = [mask, setup.rays, setup.poses, traced, setup.params, setup.gap, setup.echoes]
+            stages.append(bind_launch(scan_echoes.find_echoes, worlds * pixels // SPREAD, inputs, device))
+        run = 1 if device.is_cuda else CPU_RUN
+        inputs = [mask, setup.rays, setup.poses, traced, setup.echoes, setup.params, randomness, setup.scan, run]
+        threads = worlds * -(-setup.scan.ranges.shape[1] // run)
+        return [[[*stages, bind_launch(scan_measurement.measure, threads, inputs, device)]]]
 
 
 def reach_of(origins: np.ndarray | None) -> float:

@@ -1,10 +1,12 @@
-"""Several returns of a beam, as lidars report them where it meets more than one surface."""
+"""Several echoes of a beam, as lidars report them where it meets more than one surface."""
 
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.scan_measurement import ScanFrame, energy, has_range, write_miss, write_return
+from warpcam.sensors.kernels.scan_measurement import Echoes, ScanParams, TracedScan, ray_light
+from warpcam.sensors.kernels.scan_poses import ScanPoses
+from warpcam.sensors.kernels.scan_rays import ScanRays
 
 wp.set_module_options(compiler_flags())
 
@@ -13,15 +15,22 @@ Spread = wp.types.vector(length=SPREAD, dtype=wp.float32)
 
 
 @wp.kernel(enable_backward=False)
-def measure_echoes(
-    mask: wp.array(dtype=wp.uint8), frame: ScanFrame, gap: wp.float32, echoes: wp.int32, first: wp.int32
+def find_echoes(
+    mask: wp.array(dtype=wp.uint8),
+    rays: ScanRays,
+    poses: ScanPoses,
+    traced: TracedScan,
+    params: ScanParams,
+    gap: wp.float32,
+    echoes: Echoes,
+    first: wp.int32,
 ):
-    """Returns of beams that widen: of SPREAD rays one below the other, the first along the beam.
+    """Find the echoes of beams of SPREAD rays.
 
     Rays that end within ``gap`` behind the nearest of them make one echo, at their mean. The strongest comes first.
     """
-    columns = frame.rays.columns
-    world, beam = row_and_column(first + wp.tid(), frame.traced.distance.shape[1] / SPREAD)
+    columns = rays.columns
+    world, beam = row_and_column(first + wp.tid(), traced.distance.shape[1] / SPREAD)
     if mask[world] == wp.uint8(0):
         return
     row, column = row_and_column(beam, columns)
@@ -30,13 +39,13 @@ def measure_echoes(
     lights = Spread()
     for k in range(SPREAD):
         ray = center + k * columns
-        left[k] = frame.traced.distance[world, ray]
-        if not has_range(frame.params, world, left[k]):
-            left[k] = wp.inf
-        elif frame.scan.intensities.shape[0] > 0:
-            lights[k] = energy(frame, world, ray)
-        else:
+        distance = traced.distance[world, ray]
+        left[k] = wp.inf
+        if distance >= params.min_range[world] and distance <= params.max_range[world]:
+            left[k] = distance
             lights[k] = 1.0
+            if traced.albedo.shape[0] > 0 and wp.isfinite(distance):
+                lights[k] = ray_light(traced, rays, poses, world, ray, params.dropout_attenuation[world])
     strengths = Spread()  # of echoes, -1: none
     middles = Spread()
     nearest = Spread()  # number of the ray, in a float
@@ -59,15 +68,13 @@ def measure_echoes(
                     left[k] = wp.inf
             strengths[echo] = strength / wp.float32(SPREAD)
             middles[echo] = least + total / count
-    for echo in range(echoes):
+    for echo in range(echoes.count):
         best = wp.int32(0)
         for k in range(SPREAD):
             if strengths[k] > strengths[best]:
                 best = k
-        place = beam * echoes + echo
-        if strengths[best] >= 0.0:
-            ray = center + wp.int32(nearest[best]) * columns
-            write_return(frame, world, place, center, ray, middles[best], strengths[best])
-            strengths[best] = -1.0
-        else:
-            write_miss(frame.scan, world, place)
+        place = beam * echoes.count + echo
+        echoes.distance[world, place] = wp.where(strengths[best] >= 0.0, middles[best], wp.inf)
+        echoes.rays[world, place] = center + wp.int32(nearest[best]) * columns
+        echoes.light[world, place] = strengths[best]
+        strengths[best] = -1.0

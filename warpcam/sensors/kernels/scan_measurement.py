@@ -1,4 +1,7 @@
-"""Returns of a lidar: what it makes of the distances that its rays have met."""
+"""Returns of a lidar: what it makes of the distances that its rays have met.
+
+Functions take numbers here: on a CPU Warp copies structs for each call.
+"""
 
 import warp as wp
 
@@ -7,7 +10,7 @@ from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.random import Randomness, element_state
 from warpcam.sensors.kernels.scan_poses import ScanPoses, pose_at
-from warpcam.sensors.kernels.scan_rays import ScanRays, direction_of, origin_of, part_of
+from warpcam.sensors.kernels.scan_rays import ScanRays, direction_of, origin_of
 
 wp.set_module_options(compiler_flags())
 
@@ -56,162 +59,141 @@ class Scan:
 
 
 @wp.struct
-class ScanFrame:
-    """All that a return follows from, and where it goes."""
+class Echoes:
+    """Surfaces that beams of several rays have met, (world, return); empty where a beam is one ray."""
 
-    rays: ScanRays
-    poses: ScanPoses
-    traced: TracedScan
-    params: ScanParams
-    randomness: Randomness
-    scan: Scan
-
-
-@wp.func
-def has_range(params: ScanParams, world: wp.int32, distance: wp.float32) -> wp.bool:
-    return distance >= params.min_range[world] and distance <= params.max_range[world] and wp.isfinite(distance)
+    distance: wp.array2d(dtype=wp.float32)  # inf: none [m]
+    rays: wp.array2d(dtype=wp.int32)  # the nearest ray that ends there
+    light: wp.array2d(dtype=wp.float32)
+    count: wp.int32  # of returns of each beam
+    spread: wp.int32  # rays of each beam, one below the other, the first along the beam
 
 
 @wp.func
-def energy(frame: ScanFrame, world: wp.int32, ray: wp.int32) -> wp.float32:
-    """Share of a ray's light that returns: reflectance times the cosine of incidence, less what the air takes."""
-    traced = frame.traced
-    distance = traced.distance[world, ray]
-    reflectance = wp.float32(0.0)
-    for c in range(3):
-        weight = wp.where(c == 0, 0.2126, wp.where(c == 1, 0.7152, 0.0722))
-        reflectance += weight * decode_srgb(wp.float32(traced.albedo[world, ray, c]) / 255.0)
-    normal = wp.vec3(traced.normals[world, ray, 0], traced.normals[world, ray, 1], traced.normals[world, ray, 2])
-    _, rotation = pose_at(frame.poses, world, part_of(frame.rays, ray))
-    cosine = wp.abs(wp.dot(normal, wp.quat_rotate(rotation, direction_of(frame.rays, ray))))
-    light = reflectance * cosine * wp.exp(-frame.params.dropout_attenuation[world] * distance)
-    if frame.scan.raw != 0:
-        light = light / (distance * distance)
-    return light
+def reflected(red: wp.uint8, green: wp.uint8, blue: wp.uint8, normal: wp.vec3, direction: wp.vec3) -> wp.float32:
+    """Share of light that a surface returns: luminance of its albedo times the cosine of incidence."""
+    luminance = 0.2126 * decode_srgb(wp.float32(red) / 255.0) + 0.7152 * decode_srgb(wp.float32(green) / 255.0)
+    luminance += 0.0722 * decode_srgb(wp.float32(blue) / 255.0)
+    return luminance * wp.abs(wp.dot(normal, direction))
 
 
 @wp.func
 def is_dropped(
-    params: ScanParams, world: wp.int32, distance: wp.float32, one: wp.float32, other: wp.float32
+    light: wp.float32, rate: wp.float32, limit: wp.float32, zero: wp.float32, one: wp.float32, other: wp.float32
 ) -> wp.bool:
     """Dropout of CARLA's ray-cast lidar, of two numbers drawn from [0, 1)."""
-    light = wp.exp(-params.dropout_attenuation[world] * distance)
-    limit = params.dropout_intensity_limit[world]
-    zero = params.dropout_zero_intensity[world]
-    dropped = one < params.dropout_rate[world]
+    dropped = one < rate
     if limit > 0.0 and light <= limit:
         dropped = dropped or other >= zero / limit * light + 1.0 - zero
     return dropped
 
 
 @wp.func
-def measured_range(params: ScanParams, world: wp.int32, distance: wp.float32, normal: wp.float32) -> wp.float32:
-    """Range with noise, of a number drawn from a normal distribution."""
-    sigma = params.range_noise_constant[world] + distance * (
-        params.range_noise_linear[world] + distance * params.range_noise_quadratic[world]
+def ray_light(
+    traced: TracedScan, rays: ScanRays, poses: ScanPoses, world: wp.int32, ray: wp.int32, attenuation: wp.float32
+) -> wp.float32:
+    """Light of a ray that returns, less what the air takes."""
+    rotation = poses.rotations[world]
+    if rays.parts.shape[0] > 0:
+        _, rotation = pose_at(poses, world, rays.parts[ray])
+    direction = wp.quat_rotate(rotation, direction_of(rays, ray))
+    normal = wp.vec3(traced.normals[world, ray, 0], traced.normals[world, ray, 1], traced.normals[world, ray, 2])
+    back = reflected(
+        traced.albedo[world, ray, 0], traced.albedo[world, ray, 1], traced.albedo[world, ray, 2], normal, direction
     )
-    measured = distance + params.range_noise_bias[world] + wp.max(sigma, 0.0) * normal
-    step = params.range_noise_resolution[world]
-    if step > 0.0:
-        measured = step * wp.round(measured / step)
-    return measured
-
-
-@wp.func
-def is_random(params: ScanParams, world: wp.int32) -> wp.bool:
-    """True if some number of a world's returns is drawn."""
-    total = wp.abs(params.range_noise_constant[world]) + wp.abs(params.range_noise_linear[world])
-    total += (
-        wp.abs(params.range_noise_quadratic[world]) + params.dropout_rate[world] + params.dropout_zero_intensity[world]
-    )
-    return total > 0.0
-
-
-@wp.func
-def write_miss(scan: Scan, world: wp.int32, place: wp.int32):
-    scan.ranges[world, place] = scan.miss
-    if scan.intensities.shape[0] > 0:
-        scan.intensities[world, place] = 0.0
-    if scan.ids.shape[0] > 0:
-        scan.ids[world, place] = -1
-    if scan.bodies.shape[0] > 0:
-        scan.bodies[world, place] = -1
-    for c in range(3):
-        if scan.normals.shape[0] > 0:
-            scan.normals[world, place, c] = 0.0
-        if scan.points.shape[0] > 0:
-            scan.points[world, place, c] = scan.miss
-
-
-@wp.func
-def write_hit(
-    frame: ScanFrame,
-    world: wp.int32,
-    place: wp.int32,
-    beam: wp.int32,
-    ray: wp.int32,
-    measured: wp.float32,
-    light: wp.float32,
-):
-    """Write a return: its point lies on the ray ``beam``, its ids and normal are those of ``ray``."""
-    scan, traced = frame.scan, frame.traced
-    scan.ranges[world, place] = measured
-    if scan.intensities.shape[0] > 0:
-        scan.intensities[world, place] = light
-    if scan.ids.shape[0] > 0:
-        scan.ids[world, place] = traced.shapes[world, ray]
-    if scan.bodies.shape[0] > 0:
-        scan.bodies[world, place] = traced.bodies[world, ray]
-    if scan.normals.shape[0] > 0:
-        for c in range(3):
-            scan.normals[world, place, c] = traced.normals[world, ray, c]
-    if scan.points.shape[0] > 0:
-        point = origin_of(frame.rays, beam) + measured * direction_of(frame.rays, beam)
-        if scan.in_world != 0:
-            position, rotation = pose_at(frame.poses, world, part_of(frame.rays, beam))
-            point = position + wp.quat_rotate(rotation, point)
-        for c in range(3):
-            scan.points[world, place, c] = point[c]
-
-
-@wp.func
-def write_return(
-    frame: ScanFrame,
-    world: wp.int32,
-    place: wp.int32,
-    beam: wp.int32,
-    ray: wp.int32,
-    distance: wp.float32,
-    light: wp.float32,
-):
-    """Write what is measured of a surface at ``distance``, see ``write_hit``."""
-    params = frame.params
-    normal = wp.float32(0.0)
-    dropped = wp.bool(False)
-    if is_random(params, world):
-        state = element_state(frame.randomness, world, place)
-        one = wp.randf(state)
-        other = wp.randf(state)
-        normal = wp.randn(state)
-        dropped = is_dropped(params, world, distance, one, other)
-    measured = measured_range(params, world, distance, normal)
-    if dropped or not has_range(params, world, measured):
-        write_miss(frame.scan, world, place)
-    else:
-        write_hit(frame, world, place, beam, ray, measured, light)
+    return back * wp.exp(-attenuation * traced.distance[world, ray])
 
 
 @wp.kernel(enable_backward=False)
-def measure(mask: wp.array(dtype=wp.uint8), frame: ScanFrame, first: wp.int32):
-    """Returns of beams that are one ray each."""
-    world, ray = row_and_column(first + wp.tid(), frame.traced.distance.shape[1])
+def measure(
+    mask: wp.array(dtype=wp.uint8),
+    rays: ScanRays,
+    poses: ScanPoses,
+    traced: TracedScan,
+    echoes: Echoes,
+    params: ScanParams,
+    randomness: Randomness,
+    scan: Scan,
+    run: wp.int32,
+    first: wp.int32,
+):
+    """Write what is reported; a thread writes ``run`` returns, one after another."""
+    count = scan.ranges.shape[1]
+    world, start = row_and_column(first + wp.tid(), (count + run - 1) // run)
     if mask[world] == wp.uint8(0):
         return
-    distance = frame.traced.distance[world, ray]
-    if not has_range(frame.params, world, distance):
-        write_miss(frame.scan, world, ray)
-        return
-    light = wp.float32(0.0)
-    if frame.scan.intensities.shape[0] > 0:
-        light = energy(frame, world, ray)
-    write_return(frame, world, ray, ray, ray, distance, light)
+    near = params.min_range[world]
+    far = params.max_range[world]
+    constant = params.range_noise_constant[world]
+    linear = params.range_noise_linear[world]
+    quadratic = params.range_noise_quadratic[world]
+    bias = params.range_noise_bias[world]
+    step = params.range_noise_resolution[world]
+    rate = params.dropout_rate[world]
+    limit = params.dropout_intensity_limit[world]
+    zero = params.dropout_zero_intensity[world]
+    attenuation = params.dropout_attenuation[world]
+    is_random = wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero > 0.0
+    for k in range(run):
+        place = start * run + k
+        if place >= count:
+            return
+        beam = place  # the ray along it
+        ray = place  # the traced ray that returns
+        distance = wp.float32(0.0)
+        if echoes.spread > 0:
+            row, column = row_and_column(place // echoes.count, rays.columns)
+            beam = row * echoes.spread * rays.columns + column
+            ray = echoes.rays[world, place]
+            distance = echoes.distance[world, place]
+        else:
+            if rays.flipped != 0:
+                row, column = row_and_column(place, rays.columns)
+                ray = (rays.rows - 1 - row) * rays.columns + column
+            distance = traced.distance[world, ray]
+        measured = distance
+        returns = distance >= near and distance <= far and wp.isfinite(distance)
+        if returns:
+            if is_random:
+                state = element_state(randomness, world, place)
+                one = wp.randf(state)
+                other = wp.randf(state)
+                sigma = constant + distance * (linear + distance * quadratic)
+                measured += wp.max(sigma, 0.0) * wp.randn(state)
+                returns = not is_dropped(wp.exp(-attenuation * distance), rate, limit, zero, one, other)
+            measured += bias
+            if step > 0.0:
+                measured = step * wp.round(measured / step)
+            returns = returns and measured >= near and measured <= far
+        if not returns:
+            measured = scan.miss
+        scan.ranges[world, place] = measured
+        if scan.intensities.shape[0] > 0:
+            light = wp.float32(0.0)
+            if returns:
+                if echoes.spread > 0:
+                    light = echoes.light[world, place]
+                else:
+                    light = ray_light(traced, rays, poses, world, ray, attenuation)
+                if scan.raw != 0:
+                    light = light / (distance * distance)
+            scan.intensities[world, place] = light
+        if scan.ids.shape[0] > 0:
+            scan.ids[world, place] = wp.where(returns, traced.shapes[world, ray], -1)
+        if scan.bodies.shape[0] > 0:
+            scan.bodies[world, place] = wp.where(returns, traced.bodies[world, ray], -1)
+        if scan.normals.shape[0] > 0:
+            for c in range(3):
+                scan.normals[world, place, c] = wp.where(returns, traced.normals[world, ray, c], 0.0)
+        if scan.points.shape[0] > 0:
+            point = wp.vec3(scan.miss, scan.miss, scan.miss)
+            if returns:
+                point = origin_of(rays, beam) + measured * direction_of(rays, beam)
+                if scan.in_world != 0:
+                    position = poses.positions[world]
+                    rotation = poses.rotations[world]
+                    if rays.parts.shape[0] > 0:
+                        position, rotation = pose_at(poses, world, rays.parts[beam])
+                    point = position + wp.quat_rotate(rotation, point)
+            for c in range(3):
+                scan.points[world, place, c] = point[c]

@@ -94,12 +94,8 @@ def place_sensor(
 @wp.func
 def pose_at(poses: ScanPoses, world: wp.int32, part: wp.float32):
     """Position and rotation when that part of a sweep is over."""
-    position = poses.positions[world]
-    rotation = poses.rotations[world]
-    if part < 1.0:
-        position = wp.lerp(poses.last_positions[world], position, part)
-        rotation = wp.quat_slerp(poses.last_rotations[world], rotation, part)
-    return position, rotation
+    position = wp.lerp(poses.last_positions[world], poses.positions[world], part)
+    return position, wp.quat_slerp(poses.last_rotations[world], poses.rotations[world], part)
 
 
 @wp.kernel(enable_backward=False)

@@ -23,6 +23,7 @@ class ScanRays:
     window: wp.array(dtype=wp.int32)
     rows: wp.int32
     columns: wp.int32
+    flipped: wp.int32  # 1: rows of the traced images run the other way
 
 
 @wp.func
@@ -39,14 +40,6 @@ def origin_of(rays: ScanRays, ray: wp.int32) -> wp.vec3:
     if rays.origins.shape[0] > 0:
         origin = rays.origins[ray]
     return origin
-
-
-@wp.func
-def part_of(rays: ScanRays, ray: wp.int32) -> wp.float32:
-    part = wp.float32(1.0)
-    if rays.parts.shape[0] > 0:
-        part = rays.parts[ray]
-    return part
 
 
 @wp.kernel(enable_backward=False)
@@ -128,15 +121,6 @@ def write_rays(rays: ScanRays, table: wp.array2d(dtype=wp.float32), tiles: wp.in
     write_cone(table, 0, 4 * tile, axis, least)
 
 
-@wp.func
-def moved_ray(rays: ScanRays, poses: ScanPoses, world: wp.int32, ray: wp.int32):
-    """Origin and direction of a ray, sent on the way, in the sensor's frame of the sweep's end."""
-    position, rotation = pose_at(poses, world, part_of(rays, ray))
-    back = wp.quat_inverse(poses.rotations[world])
-    origin = wp.quat_rotate(back, position + wp.quat_rotate(rotation, origin_of(rays, ray)) - poses.positions[world])
-    return origin, wp.quat_rotate(back, wp.quat_rotate(rotation, direction_of(rays, ray)))
-
-
 @wp.kernel(enable_backward=False)
 def write_moving_rays(
     rays: ScanRays,
@@ -155,39 +139,52 @@ def write_moving_rays(
     world, tile = row_and_column(first + wp.tid(), tiles)
     if everything == 0 and mask[world] == wp.uint8(0):
         return
+    now = poses.positions[world]
+    back = wp.quat_inverse(poses.rotations[world])
     total = wp.vec3()
     low = wp.vec3(wp.inf, wp.inf, wp.inf)
     high = -low
-    for k in range(TILE_WIDTH * TILE_HEIGHT):
+    pixels = 4 * (1 + 2 * tiles)
+    part = wp.float32(-1.0)
+    position = wp.vec3()
+    rotation = wp.quat()
+    for place in range(TILE_WIDTH * TILE_HEIGHT):
+        k = place // TILE_HEIGHT + place % TILE_HEIGHT * TILE_WIDTH  # down each column, whose rays often go at once
         ray = tile_ray(rays, tile, k)
         if ray >= 0:
-            origin, direction = moved_ray(rays, poses, world, ray)
+            direction = direction_of(rays, ray)
             if wp.length_sq(direction) > 0.0:
+                if rays.parts[ray] != part:
+                    part = rays.parts[ray]
+                    position, rotation = pose_at(poses, world, part)
+                    position = wp.quat_rotate(back, position - now)
+                    rotation = wp.normalize(back * rotation)
+                origin = position + wp.quat_rotate(rotation, origin_of(rays, ray))
+                direction = wp.normalize(wp.quat_rotate(rotation, direction))
                 total += direction
                 low = wp.min(low, origin)
                 high = wp.max(high, origin)
+                for c in range(3):
+                    table[world, pixels + 8 * ray + c] = origin[c]
+                    table[world, pixels + 8 * ray + 4 + c] = direction[c]
     axis = axis_of(total)
     middle = wp.vec3()
     if low[0] <= high[0]:
         middle = 0.5 * (low + high)
     least = wp.float32(1.0)
     radius = wp.float32(0.0)
-    pixels = 4 * (1 + 2 * tiles)
     for k in range(TILE_WIDTH * TILE_HEIGHT):
         ray = tile_ray(rays, tile, k)
         if ray >= 0:
-            origin, direction = moved_ray(rays, poses, world, ray)
-            if wp.length_sq(direction) > 0.0:
-                direction = wp.normalize(direction)
+            row = pixels + 8 * ray
+            if wp.length_sq(direction_of(rays, ray)) > 0.0:
+                direction = wp.vec3(table[world, row + 4], table[world, row + 5], table[world, row + 6])
+                origin = wp.vec3(table[world, row], table[world, row + 1], table[world, row + 2])
                 least = wp.min(least, wp.dot(axis, direction))
                 radius = wp.max(radius, wp.length(origin - middle))
-                for c in range(3):
-                    table[world, pixels + 8 * ray + c] = origin[c]
-                    table[world, pixels + 8 * ray + 4 + c] = direction[c]
     larger = wp.float32(wp.static(1.0 + offset_ray_tables.ROUNDING))
     write_cone(table, world, 4 + 8 * tile, axis, least)
     write_row(table, world, 8 + 8 * tile, middle, larger * radius)
     if tile == 0:
-        back = wp.quat_inverse(poses.rotations[world])
         way = wp.quat_rotate(back, poses.last_positions[world] - poses.positions[world])
         write_row(table, world, 0, 0.5 * way, larger * (0.5 * wp.length(way) + reach))
