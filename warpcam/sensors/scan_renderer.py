@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.accel import offset_ray_tables, ray_tables
 from warpcam.camera.camera import Camera
+from warpcam.core.color import srgb_to_linear
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
@@ -17,6 +18,8 @@ from warpcam.sensors.kernels.scan_echoes import SPREAD
 
 CAMERA = "lidar"
 BLOCK_DIM = 32  # of stages with a thread for each world
+# Rec. 709 luminance of display values, by channel.
+LUMINANCE = np.outer((0.2126, 0.7152, 0.0722), srgb_to_linear(np.arange(256) / 255.0)).ravel()
 CPU_RUN = 64  # returns that a thread of a CPU writes: arguments are copied for each thread
 
 
@@ -54,6 +57,7 @@ class ScanRenderer(Renderer):
 
     def __init__(self, scene: Scene, camera: Camera, setup: ScanSetup, *, graph: bool = True):
         self._setup = setup
+        self._luminance = wp.array(LUMINANCE, dtype=wp.float32, device=scene.device)
         super().__init__(scene, [camera], graph=graph)
 
     @property
@@ -94,6 +98,7 @@ class ScanRenderer(Renderer):
         for name in ("normals", "albedo"):
             if name in images:
                 setattr(traced, name, images[name].reshape((worlds, pixels, 3)))
+        traced.luminance = self._luminance
         randomness.seeds, randomness.frames = setup.seeds, self._counters.frames
         setup.params.max_range = self.max_range
         stages = []

@@ -5,7 +5,6 @@ Functions take numbers here: on a CPU Warp copies structs for each call.
 
 import warp as wp
 
-from warpcam.core.color import decode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.random import Randomness, element_state
@@ -24,6 +23,7 @@ class TracedScan:
     bodies: wp.array2d(dtype=wp.int32)
     normals: wp.array3d(dtype=wp.float32)  # (world, ray, 3) world frame
     albedo: wp.array3d(dtype=wp.uint8)  # (world, ray, 3)
+    luminance: wp.array(dtype=wp.float32)  # (3 * 256,) share of it, by channel and value
 
 
 @wp.struct
@@ -70,14 +70,6 @@ class Echoes:
 
 
 @wp.func
-def reflected(red: wp.uint8, green: wp.uint8, blue: wp.uint8, normal: wp.vec3, direction: wp.vec3) -> wp.float32:
-    """Share of light that a surface returns: luminance of its albedo times the cosine of incidence."""
-    luminance = 0.2126 * decode_srgb(wp.float32(red) / 255.0) + 0.7152 * decode_srgb(wp.float32(green) / 255.0)
-    luminance += 0.0722 * decode_srgb(wp.float32(blue) / 255.0)
-    return luminance * wp.abs(wp.dot(normal, direction))
-
-
-@wp.func
 def is_dropped(
     light: wp.float32, rate: wp.float32, limit: wp.float32, zero: wp.float32, one: wp.float32, other: wp.float32
 ) -> wp.bool:
@@ -92,16 +84,19 @@ def is_dropped(
 def ray_light(
     traced: TracedScan, rays: ScanRays, poses: ScanPoses, world: wp.int32, ray: wp.int32, attenuation: wp.float32
 ) -> wp.float32:
-    """Light of a ray that returns, less what the air takes."""
+    """Light of a ray that returns: luminance of the albedo times the cosine of incidence, less what the air takes."""
     rotation = poses.rotations[world]
     if rays.parts.shape[0] > 0:
         _, rotation = pose_at(poses, world, rays.parts[ray])
     direction = wp.quat_rotate(rotation, direction_of(rays, ray))
     normal = wp.vec3(traced.normals[world, ray, 0], traced.normals[world, ray, 1], traced.normals[world, ray, 2])
-    back = reflected(
-        traced.albedo[world, ray, 0], traced.albedo[world, ray, 1], traced.albedo[world, ray, 2], normal, direction
-    )
-    return back * wp.exp(-attenuation * traced.distance[world, ray])
+    luminance = wp.float32(0.0)
+    for c in range(3):
+        luminance += traced.luminance[256 * c + wp.int32(traced.albedo[world, ray, c])]
+    light = luminance * wp.abs(wp.dot(normal, direction))
+    if attenuation > 0.0:
+        light *= wp.exp(-attenuation * traced.distance[world, ray])
+    return light
 
 
 @wp.kernel(enable_backward=False)
