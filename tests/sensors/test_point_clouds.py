@@ -1,5 +1,6 @@
 """Point clouds of given points: packed, thinned out and chosen as numpy does it, the same in every run."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import torch
 import warp as wp
 
-from warpcam import sensors
+from warpcam import WarpcamError, sensors
 
 WORLDS = 3
 
@@ -220,7 +221,7 @@ def test_points_that_are_not_valid_out_of_bounds_or_excluded(device: wp.Device) 
     points = given(device)
     random = np.random.default_rng(0)
     valid = torch.from_numpy(random.random(points.shape[:-1]) < 0.7).to(points.device)
-    ids = torch.from_numpy(random.integers(-1, 9, points.shape[:-1]).astype(np.int32)).to(points.device)
+    ids = torch.from_numpy(random.integers(-1, 9, (*points.shape[:-1], 1)).astype(np.int32)).to(points.device)
     low, high = (-0.5, -1.0, -np.inf), (0.75, 1.0, 0.9)
     clouds = sensors.PointClouds.of(
         points, valid=valid, attributes={"ids": ids}, exclude={"ids": (2, 5)}, bounds=(low, high),
@@ -237,6 +238,13 @@ def test_points_that_are_not_valid_out_of_bounds_or_excluded(device: wp.Device) 
         np.testing.assert_array_equal(cloud["ids"][world, : len(pixels)], numbers[world][pixels])
 
 
+@pytest.mark.parametrize("call", ["read", "reset"])
+def test_worlds_that_are_not_there(device: wp.Device, call: str) -> None:
+    clouds = sensors.PointClouds.of(given(device), num_points=40, method="uniform")
+    with pytest.raises(WarpcamError, match=rf"PointClouds.{call}: worlds has id 3; allowed are 0 to 2"):
+        getattr(clouds, call)([0, 3])
+
+
 def test_a_captured_read(device: wp.Device) -> None:
     if not device.is_cuda:
         pytest.skip("needs CUDA: graphs")
@@ -250,3 +258,15 @@ def test_a_captured_read(device: wp.Device) -> None:
     expected = host(sensors.PointClouds.of(points, num_points=40, voxel_size=0.1).read())
     for name, values in host(clouds.cloud).items():
         np.testing.assert_array_equal(values, expected[name])
+
+
+@pytest.mark.parametrize("method", ["farthest", "uniform"])
+def test_kernels_compile_for_cuda(method: Any, tmp_path: Path) -> None:
+    """Also without a GPU: NVRTC comes with Warp."""
+    points = given(wp.get_device("cpu"))
+    clouds = sensors.PointClouds.of(points, num_points=40, voxel_size=0.1, method=method, attributes={"x": points})
+    modules = {stage.module.name: stage.module for stage in clouds._stages}
+    assert len(modules) >= 4
+    for name, module in modules.items():
+        (path,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path / name, use_ptx=True)
+        assert path.stat().st_size > 0

@@ -121,7 +121,7 @@ class PointClouds:
             method: Likewise.
             voxel_size: Likewise.
             bounds: Likewise.
-            exclude: Ids to leave out, by the name of an attribute of int32 without channels.
+            exclude: Ids to leave out, by the name of an attribute of int32 with one channel.
             padding: Likewise; zeros are 0 in attributes, too.
             seed: Likewise.
 
@@ -206,7 +206,8 @@ class PointClouds:
                 "for each"
             )
         frame.crop.low, frame.crop.high = (wp.vec3(*corner) for corner in options.corners())
-        candidates = self._candidates(capacity)
+        works = options.voxel_size is not None or _kind(options, capacity) == kernels.PICKED
+        candidates = self._candidates(capacity, works)
         placed = [(source, int(first)) for source, first in zip(sources, starts, strict=False)]
         stages = [
             kernels.bind_pack(source.source(first, excluded), frame.crop, candidates, self._device)
@@ -233,18 +234,18 @@ class PointClouds:
         with torch_interop.in_order(self._device):
             prepare([*frame.stages(), *stages, self._forget])
 
-    def _candidates(self, capacity: int) -> Any:
+    def _candidates(self, capacity: int, works: bool) -> Any:
         candidates = kernels.Candidates()
         candidates.mask, candidates.counts = self._selection.mask, self._zeros(self._num_worlds, wp.int32)
         candidates.points = self._zeros((self._num_worlds, 3, capacity), wp.float32)
         candidates.pixels = self._zeros((self._num_worlds, capacity), wp.int32)
-        candidates.work = self._zeros((self._num_worlds, capacity), wp.int32)
+        candidates.work = self._zeros((self._num_worlds, capacity if works else 0), wp.int32)
         return candidates
 
     def _choose(self, options: CloudOptions, candidates: Any, out: Any, capacity: int) -> list[Stage]:
         """Bind the stages that choose points and write them."""
         choice, stages = kernels.Choice(), []
-        choice.kind = CHOICES[options.method] if capacity > options.num_points else kernels.FIRST
+        choice.kind = _kind(options, capacity)
         choice.repeats = int(options.padding == "repeat")
         choice.randomness.seeds = wp.full(self._num_worlds, int(options.seed), dtype=wp.int32, device=self._device)
         choice.randomness.frames = reads = self._zeros(self._num_worlds, wp.int32)
@@ -289,3 +290,8 @@ def _capacity(pixels: int, options: CloudOptions) -> tuple[int, int]:
     if options.voxel_size is None:
         return (min(options.num_points, pixels) if options.method == "first" else pixels), 0
     return pixels, kernels.table_size(pixels)
+
+
+def _kind(options: CloudOptions, capacity: int) -> int:
+    """How points are chosen among at most so many candidates."""
+    return CHOICES[options.method] if capacity > options.num_points else kernels.FIRST

@@ -26,13 +26,16 @@ class Attribute:
 
     Attributes:
         values: uint8, int32 or float32 (world, pixel, channel).
-        is_scalar: Clouds have (world, point), without channels.
         rest: What a rest of zeros has instead.
     """
 
     values: wp.array
-    is_scalar: bool
     rest: int = 0
+
+    @property
+    def is_scalar(self) -> bool:
+        """True for one channel: clouds have (world, point) then."""
+        return int(self.values.shape[2]) == 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +125,7 @@ def of_camera(
     for name in names:
         if name not in own:
             raise WarpcamError(f"{here}: outputs must have {name!r}, got {', '.join(own)}")
-        image = _flat(own[name])
-        attributes[name] = Attribute(image, image.shape[2] == 1, -1 if OUTPUTS[name].miss == "-1" else 0)
+        attributes[name] = Attribute(_flat(own[name]), -1 if OUTPUTS[name].miss == "-1" else 0)
     kind = GIVEN_POINTS if chosen == "points" else DEPTH_KINDS[drawn.projection]
     return PixelPoints(here, _flat(own[str(chosen)]), attributes, kind, camera.width, drawn.views)
 
@@ -155,7 +157,7 @@ def of_tensors(points: Any, valid: Any, attributes: Mapping[str, Any], where: st
         _check_contiguous(values, f"{where}: attributes: {name}")
         device_rule.require_same(array.device, "points are", values.device, f"{where}: attributes: {name}")
         channels = math.prod(values.shape[len(size) :])
-        found[name] = Attribute(values.reshape((*flat, channels)), values.ndim == len(size))
+        found[name] = Attribute(values.reshape((*flat, channels)))
     return PixelPoints(where, array.reshape((*flat, 3)), found, valid=mask)
 
 

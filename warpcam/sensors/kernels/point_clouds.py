@@ -59,7 +59,8 @@ class Candidates:
     counts: wp.array(dtype=wp.int32)  # (world,)
     points: wp.array3d(dtype=wp.float32)  # (world, axis, candidate) [m]
     pixels: wp.array2d(dtype=wp.int32)  # (world, candidate) over all sources
-    work: wp.array2d(dtype=wp.int32)  # (world, candidate) entry in the hash table of voxels; then distance, a float
+    # (world, candidate) entry in the hash table of voxels, then distance, a float; empty where neither is asked for
+    work: wp.array2d(dtype=wp.int32)
 
 
 @wp.struct
