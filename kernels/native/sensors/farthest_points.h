@@ -11,7 +11,7 @@ namespace warpcam {
 constexpr int MAX_CHUNKS = 1024;  // that a block holds in shared memory
 constexpr float PICKED = -1.0f;  // distance of points that were picked
 
-// Boxes and farthest points of chunks. Squared distances are compared as the bits of floats.
+// Boxes and farthest points of chunks, each in a slot of its own. Squared distances are compared as the bits of floats.
 struct PointChunks {
     float low[3][MAX_CHUNKS], high[3][MAX_CHUNKS];
     int farthest[MAX_CHUNKS], place[MAX_CHUNKS];
@@ -27,25 +27,22 @@ struct PointLists {
 WARPCAM_DEVICE float squared_length(float x, float y, float z) { return mul_rn(x, x) + mul_rn(y, y) + mul_rn(z, z); }
 
 // No more than the squared distance of any point of a chunk.
-WARPCAM_DEVICE float squared_gap(const PointChunks& chunks, int chunk, Vec3 point)
+WARPCAM_DEVICE float squared_gap(const PointChunks& chunks, int slot, Vec3 point)
 {
-    const float x = max(max(chunks.low[0][chunk] - point.x, point.x - chunks.high[0][chunk]), 0.0f);
-    const float y = max(max(chunks.low[1][chunk] - point.y, point.y - chunks.high[1][chunk]), 0.0f);
-    const float z = max(max(chunks.low[2][chunk] - point.z, point.z - chunks.high[2][chunk]), 0.0f);
+    const float x = max(max(chunks.low[0][slot] - point.x, point.x - chunks.high[0][slot]), 0.0f);
+    const float y = max(max(chunks.low[1][slot] - point.y, point.y - chunks.high[1][slot]), 0.0f);
+    const float z = max(max(chunks.low[2][slot] - point.z, point.z - chunks.high[2][slot]), 0.0f);
     return squared_length(x, y, z);
-}
-
-WARPCAM_DEVICE bool may_change(const PointChunks& chunks, const PointLists& lists, int chunk, int pick, Vec3 point)
-{
-    return as_int(squared_gap(chunks, chunk, point)) < chunks.farthest[chunk] || pick / lists.size == chunk;
 }
 
 #if defined(__CUDA_ARCH__)
 
 constexpr int NUM_WARPS = THREADS / WARP_SIZE;
+constexpr int WARP_SLOTS = MAX_CHUNKS / NUM_WARPS;  // a warp's are beside each other
 
-// Chunk of a lane in a round of its warp: neighbours, which change together, belong to different warps.
-WARPCAM_DEVICE int chunk_of(int round, int lane, int warp) { return (round * WARP_SIZE + lane) * NUM_WARPS + warp; }
+// Neighbours, which change together, belong to different warps.
+WARPCAM_DEVICE int slot_of(int chunk) { return chunk % NUM_WARPS * WARP_SLOTS + chunk / NUM_WARPS; }
+WARPCAM_DEVICE int chunk_of(int slot) { return slot % WARP_SLOTS * NUM_WARPS + slot / WARP_SLOTS; }
 
 WARPCAM_DEVICE float warp_min(float value)
 {
@@ -63,9 +60,10 @@ WARPCAM_DEVICE void warp_farthest(int& farthest, int& place)
 }
 
 // For a warp.
-WARPCAM_DEVICE void start_chunk(PointChunks& chunks, const PointLists& lists, int chunk)
+WARPCAM_DEVICE void start_chunk(PointChunks& chunks, const PointLists& lists, int slot)
 {
-    const int lane = threadIdx.x % WARP_SIZE, begin = chunk * lists.size, end = min(begin + lists.size, lists.count);
+    const int lane = threadIdx.x % WARP_SIZE, begin = chunk_of(slot) * lists.size;
+    const int end = min(begin + lists.size, lists.count);
     const float* axes[3] = { lists.x, lists.y, lists.z };
     for (int i = begin + lane; i < end; i += WARP_SIZE)
         lists.distances[i] = MISS;
@@ -77,16 +75,17 @@ WARPCAM_DEVICE void start_chunk(PointChunks& chunks, const PointLists& lists, in
         }
         low = warp_min(low), high = -warp_min(-high);
         if (lane == 0)
-            chunks.low[axis][chunk] = low, chunks.high[axis][chunk] = high;
+            chunks.low[axis][slot] = low, chunks.high[axis][slot] = high;
     }
     if (lane == 0)
-        chunks.farthest[chunk] = as_int(MISS), chunks.place[chunk] = begin;
+        chunks.farthest[slot] = as_int(MISS), chunks.place[slot] = begin;
 }
 
 // For a warp.
-WARPCAM_DEVICE void update_chunk(PointChunks& chunks, const PointLists& lists, int chunk, int pick, Vec3 point)
+WARPCAM_DEVICE void update_chunk(PointChunks& chunks, const PointLists& lists, int slot, int pick, Vec3 point)
 {
-    const int lane = threadIdx.x % WARP_SIZE, begin = chunk * lists.size, end = min(begin + lists.size, lists.count);
+    const int lane = threadIdx.x % WARP_SIZE, begin = chunk_of(slot) * lists.size;
+    const int end = min(begin + lists.size, lists.count);
     int farthest = as_int(PICKED), place = begin;
     for (int i = begin + lane; i < end; i += WARP_SIZE) {
         const float now = squared_length(lists.x[i] - point.x, lists.y[i] - point.y, lists.z[i] - point.z);
@@ -97,7 +96,7 @@ WARPCAM_DEVICE void update_chunk(PointChunks& chunks, const PointLists& lists, i
     }
     warp_farthest(farthest, place);
     if (lane == 0)
-        chunks.farthest[chunk] = farthest, chunks.place[chunk] = place;
+        chunks.farthest[slot] = farthest, chunks.place[slot] = place;
 }
 
 // Each warp's farthest point, for the picks that are made in turns.
@@ -108,20 +107,21 @@ struct WarpPicks {
 WARPCAM_DEVICE int next_pick(PointChunks& chunks, WarpPicks& found, const PointLists& lists, int num_chunks, int pick,
                              int turn)
 {
-    const int lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE;
+    const int lane = threadIdx.x % WARP_SIZE, warp = threadIdx.x / WARP_SIZE, own = slot_of(pick / lists.size);
     const Vec3 point { lists.x[pick], lists.y[pick], lists.z[pick] };
     int farthest = as_int(PICKED), place = 0x7fffffff;
-    for (int round = 0; chunk_of(round, 0, warp) < num_chunks; ++round) {
-        const int chunk = chunk_of(round, lane, warp);
-        unsigned changed =
-            __ballot_sync(FULL_WARP, chunk < num_chunks && may_change(chunks, lists, chunk, pick, point));
-        for (; changed; changed &= changed - 1)
-            update_chunk(chunks, lists, chunk_of(round, ctz(changed), warp), pick, point);
+    for (int round = 0; round < WARP_SLOTS; round += WARP_SIZE) {
+        const int first = warp * WARP_SLOTS + round, slot = first + lane;
+        if (chunk_of(first) >= num_chunks)
+            break;
+        const bool there = chunk_of(slot) < num_chunks;
+        const bool changes = there && (slot == own || as_int(squared_gap(chunks, slot, point)) < chunks.farthest[slot]);
+        for (unsigned changed = __ballot_sync(FULL_WARP, changes); changed; changed &= changed - 1)
+            update_chunk(chunks, lists, first + ctz(changed), pick, point);
         __syncwarp();
-        if (chunk < num_chunks
-            && (chunks.farthest[chunk] > farthest
-                || (chunks.farthest[chunk] == farthest && chunks.place[chunk] < place)))
-            farthest = chunks.farthest[chunk], place = chunks.place[chunk];
+        if (there
+            && (chunks.farthest[slot] > farthest || (chunks.farthest[slot] == farthest && chunks.place[slot] < place)))
+            farthest = chunks.farthest[slot], place = chunks.place[slot];
     }
     warp_farthest(farthest, place);
     if (lane == 0)
@@ -216,7 +216,7 @@ WARPCAM_DEVICE void pick_farthest(const Candidates& candidates, const Picks& pic
     WARPCAM_SHARED WarpPicks found;
     const int lane = thread % WARP_SIZE, warp = thread / WARP_SIZE;
     for (int chunk = warp; chunk < num_chunks; chunk += NUM_WARPS)
-        start_chunk(chunks, lists, chunk);
+        start_chunk(chunks, lists, slot_of(chunk));
     block_sync();
     for (int k = 0; k < wanted; ++k) {
         if (k > 0)
