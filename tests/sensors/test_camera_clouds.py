@@ -106,14 +106,19 @@ def test_points_of_depth_are_those_of_the_trace(device: wp.Device, lens: Any, cl
     assert (found["points"]["count"] > 0).all() and (found["points"]["count"] < LAST).all()
 
 
-def test_depth_that_was_measured(device: wp.Device) -> None:
+@pytest.mark.parametrize("given", ["rig", "images"])
+def test_depth_that_was_measured(device: wp.Device, given: str) -> None:
     renderer = drawn(device, eye(position=(0.0, 0.5, 3.0), outputs=("depth", "points")))
     limits = sensors.DepthRange(min=0.5, max=4.0, invalid=0.0)
     rig = sensors.Rig(renderer, {"eye": [limits]})
-    clouds = sensors.PointClouds(
-        renderer, images=rig.images, positions="depth", num_points=LAST, method="first", frame="eye", padding="zeros"
-    )
+    options: dict[str, Any] = {"num_points": LAST, "method": "first", "frame": "eye", "padding": "zeros"}
+    if given == "rig":
+        clouds, truth = sensors.PointClouds(rig, **options), sensors.PointClouds(rig, positions="points", **options)
+    else:
+        clouds = sensors.PointClouds(renderer, images=rig.images, **options)
+        truth = sensors.PointClouds(renderer, **options)
     rig.read()
+    assert (truth.read()["count"] == LAST).all()
     cloud, depth = host(clouds.read()), image(renderer, "eye", "depth")
     for world in range(WORLDS):
         pixels = np.flatnonzero(depth[world, :, 0] <= 4.0)
@@ -278,11 +283,15 @@ def test_mistakes(options: dict[str, Any], text: str) -> None:
 
 def test_mistakes_of_what_clouds_are_made_of() -> None:
     device = wp.get_device("cpu")
-    with says("renderer must be a Renderer, got Scene"):
+    with says("renderer must be a Renderer or a Rig, got Scene"):
         sensors.PointClouds(scene_of(device, 1))
     fisheye = camera("top", outputs=("depth",), lens=wc.Fisheye(fovy=100.0))
     with says("Camera('top'): its lens is a table of rays, along which planar depth finds no points"):
         sensors.PointClouds(drawn(device, fisheye))
+    fisheye = camera("top", outputs=("depth", "points"), lens=wc.Fisheye(fovy=100.0))
+    rig = sensors.Rig(drawn(device, fisheye), {"top": [sensors.DepthRange(min=0.5, max=4.0)]})
+    with says('give it the output "points", and positions="points" if its depth is measured'):
+        sensors.PointClouds(rig)
     with says("Camera('top'): outputs must have 'points' or 'depth', got rgb"):
         sensors.PointClouds(drawn(device, camera("top", outputs=("rgb",))))
     named = eye("hand", parent="hand")

@@ -37,7 +37,7 @@ def drawn_cameras(renderer: Any, where: str) -> tuple[Scene, dict[str | int, Dra
         WarpcamError: ``renderer`` is none; the text begins with ``where``.
     """
     if not isinstance(renderer, Renderer):
-        raise WarpcamError(f"{where}: renderer must be a Renderer, got {type(renderer).__name__}")
+        raise WarpcamError(f"{where}: renderer must be a Renderer or a Rig, got {type(renderer).__name__}")
     return renderer._scene, {
         key: DrawnCamera(
             camera, renderer._bindings[key].projection, renderer._passes[key].images, renderer._passes[key].views

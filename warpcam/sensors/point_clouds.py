@@ -10,28 +10,31 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, prepare
-from warpcam.kernels.runtime.streams import preserve_cuda_context
+from warpcam.kernels.runtime.streams import preserve_cuda_context, recording_lock
 from warpcam.render.drawn_cameras import DrawnCamera, drawn_cameras
 from warpcam.sensors.cloud_frames import CloudFrame, frame_of
 from warpcam.sensors.cloud_options import CloudOptions, Corners, Method, Padding, check_excluded, check_names
 from warpcam.sensors.kernels import point_clouds as kernels
 from warpcam.sensors.point_sources import PixelPoints, Positions, of_camera, of_tensors
+from warpcam.sensors.rig import Rig
 
 CHOICES = {"first": kernels.FIRST, "uniform": kernels.UNIFORM, "farthest": kernels.PICKED}
 MAX_THREADS = 2**31  # of a launch, and one more
 
 
 class PointClouds:
-    """Point clouds of a renderer's cameras: one for each world, of several cameras together.
+    """Point clouds of a renderer's or a rig's cameras: one for each world, of several cameras together.
 
-    ``read`` takes the images of the last ``render()``: render first. Points that count are packed in the order of their
-    pixels, camera after camera and row after row: those that hit something, lie within ``bounds`` and are not excluded.
-    With a ``voxel_size`` the first point of each voxel stays. Then ``num_points`` of them are chosen. A world's cloud
-    has the same bits in every run, whatever the number of worlds. Building one allocates all memory and compiles all
-    kernels; ``read`` does neither, waits for nothing, and may be part of a CUDA graph.
+    ``read`` takes the images of the last ``render()``, or of the last ``read()`` of the rig: call that first. Points
+    that count are packed in the order of their pixels, camera after camera and row after row: those that hit something,
+    lie within ``bounds`` and are not excluded. With a ``voxel_size`` the first point of each voxel stays. Then
+    ``num_points`` of them are chosen. A world's cloud has the same bits in every run on a device, whatever the number
+    of worlds. Building one allocates all memory and compiles all kernels; ``read`` does neither, waits for nothing, and
+    may be part of a CUDA graph.
 
     Args:
-        renderer: Its cameras need the output ``points``, or ``depth`` with a pinhole or an orthographic lens.
+        renderer: Its cameras need the output ``points``, or ``depth`` with a pinhole or an orthographic lens. A ``Rig``
+            is as good: clouds are of what it measures.
         cameras: Names of the cameras to merge, in their order; None is all.
         num_points: Points of each cloud, K.
         method: How K points are chosen where there are more. "farthest": the first, then again and again the point that
@@ -45,9 +48,10 @@ class PointClouds:
         bounds: Lowest and highest corner of a box in ``frame`` [m], both of it; points outside are left out.
         exclude: Ids to leave out, by output: {"bodies": (0,)}. The cameras need these outputs.
         attributes: Outputs that points bring along, as ("rgb", "normals", "segmentation").
-        positions: The output that says where points are; None is "points" where a camera has it, else "depth".
-        images: In place of the cameras' own images, {camera: {output: tensor}}, as depth with noise: tensors as
-            ``render()`` gives them, read at each ``read``.
+        positions: The output that says where points are; None is "depth" where that was measured and ``points`` were
+            not, else "points" where a camera has it, else "depth".
+        images: In place of the cameras' own images, {camera: {output: tensor}}: what was measured, in tensors as
+            ``render()`` gives them, which are read at each ``read``. None is the rig's, or nothing.
         padding: What follows where a world has fewer points than K: "repeat" its points again, in their order; "zeros"
             zeros, and -1 as id. A world without any point has zeros.
         seed: Of "uniform", at least 0, below 2^31. A world's draw depends on it, on the world's number and on how many
@@ -81,16 +85,18 @@ class PointClouds:
         padding: Padding = "repeat",
         seed: int = 0,
     ):
-        scene, drawn = drawn_cameras(renderer, "PointClouds")
+        if isinstance(renderer, Rig):
+            images = renderer.images if images is None else images
+        self._measured = renderer  # kept with its images
+        scene, drawn = drawn_cameras(renderer.renderer if isinstance(renderer, Rig) else renderer, "PointClouds")
         options = CloudOptions(num_points, method, voxel_size, bounds, padding, seed)
         chosen, names, excluded = _chosen(cameras, drawn), check_names(attributes), check_excluded(exclude)
         others = {} if images is None else images
-        if not isinstance(others, Mapping) or not set(others) <= set(chosen):
-            known = ", ".join(map(repr, chosen))
+        if not isinstance(others, Mapping) or not set(others) <= set(drawn):
+            known = ", ".join(map(repr, drawn))
             raise WarpcamError(f"PointClouds: images must be a dictionary by camera, of {known}, got {images!r}")
         wanted = tuple(dict.fromkeys((*names, *excluded)))
         sources = [of_camera(drawn[key], positions, others.get(key), wanted, "PointClouds") for key in chosen]
-        self._renderer = renderer  # kept with its images
         selection = Selection(scene.num_worlds, scene.device)
         self._build(sources, options, names, excluded, frame_of(frame, scene, drawn, selection.mask), selection)
 
@@ -156,7 +162,7 @@ class PointClouds:
         Returns:
             ``cloud``.
         """
-        with torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             self._select(worlds, capturing, "read")
             for stage in (*self._frame.stages(), *self._stages):
                 stage.launch()
@@ -170,7 +176,7 @@ class PointClouds:
         Args:
             worlds: As ``read`` takes them.
         """
-        with torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             self._select(worlds, capturing, "reset")
             self._forget.launch()
 
@@ -197,6 +203,7 @@ class PointClouds:
         """Allocate all memory, bind the stages and compile their kernels."""
         self._device, self._selection, self._frame, self._sources = selection.mask.device, selection, frame, sources
         torch_interop.require_no_capture(self._device, "PointClouds")
+        self._lock = recording_lock(self._device)
         self._num_worlds, points = selection.mask.shape[0], int(options.num_points)
         starts = np.cumsum([0, *(source.num_pixels for source in sources)])
         capacity, entries = _capacity(int(starts[-1]), options)

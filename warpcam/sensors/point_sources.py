@@ -100,7 +100,7 @@ def of_camera(
 
     Args:
         drawn: The camera.
-        positions: The output that says where points are, if not ``points`` where there are any, else ``depth``.
+        positions: The output that says where points are; see ``PointClouds``.
         images: In place of some of the camera's own: tensors or Warp arrays by output.
         names: Outputs that clouds have, or that ids are excluded of.
         where: Prefix of error messages.
@@ -112,14 +112,16 @@ def of_camera(
     own: dict[str, wp.array] = dict(drawn.images)
     for name, value in ({} if images is None else images).items():
         own[name] = _as_image(value, name, own, drawn, f"{here}: images: {name}")
-    chosen = positions or next((name for name in get_args(Positions) if name in own), None)
+    measured = [name for name, image in own.items() if name not in drawn.images or image.ptr != drawn.images[name].ptr]
+    preferred = ("depth",) if "depth" in measured and "points" not in measured else get_args(Positions)
+    chosen = positions or next((name for name in preferred if name in own), None)
     if chosen not in own:
         wanted = repr(chosen) if chosen else "'points' or 'depth'"
         raise WarpcamError(f"{here}: outputs must have {wanted}, got {', '.join(own)}")
     if chosen == "depth" and drawn.projection not in DEPTH_KINDS:
         raise WarpcamError(
             f"{here}: its lens is a table of rays, along which planar depth finds no points; give it the output "
-            '"points"'
+            '"points", and positions="points" if its depth is measured'
         )
     attributes = {}
     for name in names:
