@@ -12,7 +12,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera.camera import Camera
-from warpcam.camera.lens import Lens
+from warpcam.camera.lens import Lens, Projection
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
@@ -192,6 +192,10 @@ class Renderer:
     def views(self, camera: str | int) -> wp.array:
         """Pose and lens of a camera as the last frame had them: ``warpcam.kernels.types.View``, (world,)."""
         return self._passes[self._key(camera)].views
+
+    def projection(self, camera: str | int) -> Projection:
+        """Kind of a camera's lens."""
+        return self._bindings[self._key(camera)].projection
 
     def camera(self, camera: str | int) -> CameraArrays:
         """Return the arrays of that camera that may be written in place: tensors on the scene's device.

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import warp as wp
 
+from warpcam.camera.lens import Projection
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
@@ -71,6 +72,7 @@ class EffectFrame:
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
         truth: Outputs of the renderer by name, (world, height, width, channels).
         views: (world,) ``View``: pose and lens as the trace had them.
+        projection: Kind of the camera's lens.
         mask: (world,) uint8; worlds with 0 are left alone.
         params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
         randomness: Random numbers of this effect.
@@ -85,6 +87,7 @@ class EffectFrame:
     target: wp.array
     truth: Mapping[str, wp.array]
     views: wp.array
+    projection: Projection
     mask: wp.array
     params: SimpleNamespace
     randomness: Randomness

@@ -182,6 +182,7 @@ class Measurement:
                 target=target,
                 truth=truth,
                 views=self._renderer.views(self._camera)[within],
+                projection=self._renderer.projection(self._camera),
                 mask=mask,
                 params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
                 randomness=self._randomness(self._first_stream + number, worlds),
