@@ -55,7 +55,9 @@ def test_a_response_has_a_toe_and_a_shoulder(device: wp.Device) -> None:
     }
     found = measured(sensors.ResponseCurve(**rows), LIGHT, device)
     for world in range(2):
-        expected = response(LIGHT[world].astype(np.float64), **{name: np.array(row[world]) for name, row in rows.items()})
+        expected = response(
+            LIGHT[world].astype(np.float64), **{name: np.array(row[world]) for name, row in rows.items()}
+        )
         assert np.allclose(found[world], expected, atol=1e-5)
 
 

@@ -1,5 +1,6 @@
 """Artefacts of JPEG compression."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -10,7 +11,7 @@ import warp as wp
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.jpeg import compress
+from warpcam.sensors.kernels.jpeg import code_chroma, code_luma
 
 Subsampling = Literal["4:4:4", "4:2:0"]
 # Quantisation of luma and chroma at quality 50, row by row: ITU-T T.81, tables K.1 and K.2.
@@ -39,7 +40,7 @@ class JpegArtifacts(Effect):
 
     Colours become bytes of luma and chroma (JFIF), blocks of 8 x 8 go through the cosine transform, and frequencies
     are rounded to multiples of the tables of ITU-T T.81, Annex K, scaled by the quality as libjpeg does. Chroma of
-    half resolution is the mean of 2 x 2 pixels, and is repeated when decoded, where libjpeg interpolates.
+    half resolution is the mean of 2 x 2 pixels, and is interpolated when decoded, as libjpeg does.
 
     Attributes:
         quality: From 1 to 100, whole numbers as libjpeg's; a number or (world,).
@@ -57,10 +58,16 @@ class JpegArtifacts(Effect):
             raise WarpcamError(f"{where}: subsampling must be {allowed}, got {self.subsampling!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        blocks = 1 if self.subsampling == "4:4:4" else 2
-        across, down = (-(-size // (8 * blocks)) for size in (frame.width, frame.height))
+        scale = 1 if self.subsampling == "4:4:4" else 2
         numbers = np.array([LUMA, CHROMA], np.float32).reshape(2, 64)
         tables = wp.array(numbers, dtype=wp.float32, device=frame.device)
-        size = [frame.width, frame.height, blocks, across, across * down]
-        inputs = [frame.mask, tables, frame.params.quality, *size, frame.source, frame.target]
-        return [bind_launch(compress, len(frame.worlds) * across * down, inputs, frame.device)]
+        size, worlds = (frame.width, frame.height), len(frame.worlds)
+        of_chroma, of_luma = ([-(-side // (8 * times)) for side in size] for times in (scale, 1))
+        chroma = wp.empty((worlds, 64 * math.prod(of_chroma)), dtype=wp.vec2ub, device=frame.device)
+        common = [frame.mask, tables, frame.params.quality, wp.vec2i(*size), scale]
+        inputs = [*common, wp.vec2i(*of_chroma), frame.source, chroma]
+        outputs = [*common, 8 * of_chroma[0], wp.vec2i(*of_luma), frame.source, chroma, frame.target]
+        return [
+            bind_launch(code_chroma, worlds * math.prod(of_chroma), inputs, frame.device),
+            bind_launch(code_luma, worlds * math.prod(of_luma), outputs, frame.device),
+        ]

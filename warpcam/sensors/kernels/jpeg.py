@@ -1,4 +1,4 @@
-"""Loss of JPEG: blocks of 8 x 8 pixels, transformed, quantised and transformed back."""
+"""Loss of JPEG: blocks of 8 x 8 numbers, transformed, quantised and transformed back."""
 
 import math
 
@@ -61,63 +61,112 @@ def code(block: mat88, tables: wp.array2d(dtype=wp.float32), table: wp.int32, qu
 
 
 @wp.kernel(enable_backward=False)
-def compress(
+def code_chroma(
     mask: wp.array(dtype=wp.uint8),
     tables: wp.array2d(dtype=wp.float32),
     quality: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    height: wp.int32,
-    blocks: wp.int32,
-    units_across: wp.int32,
-    units: wp.int32,
+    size: wp.vec2i,
+    scale: wp.int32,
+    blocks: wp.vec2i,
     source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    chroma: wp.array2d(dtype=wp.vec2ub),
     first: wp.int32,
 ):
-    """A thread for each unit: one block of each chroma, and ``blocks`` x ``blocks`` of luma."""
-    world, unit = row_and_column(first + wp.tid(), units)
+    """Chroma of an image that is ``scale`` times smaller; a thread for each block of it."""
+    world, block = row_and_column(first + wp.tid(), blocks[0] * blocks[1])
     if mask[world] == wp.uint8(0):
         return
-    unit_row, unit_column = row_and_column(unit, units_across)
-    left = 8 * blocks * unit_column
-    top = 8 * blocks * unit_row
+    block_row, block_column = row_and_column(block, blocks[0])
     exact = wp.clamp(wp.floor(quality[world] + 0.5), 1.0, 100.0)
     to_blue = mat88()
     to_red = mat88()
-    share = 1.0 / wp.float32(blocks * blocks)
+    share = 1.0 / wp.float32(scale * scale)
     for row in range(8):
         for column in range(8):
+            left = scale * (8 * block_column + column)
+            top = scale * (8 * block_row + row)
             sums = wp.vec3()
-            for y in range(blocks):
-                for x in range(blocks):
-                    sums += load_pixel(source, world, left + blocks * column + x, top + blocks * row + y, width, height)
+            for y in range(scale):
+                for x in range(scale):
+                    sums += load_pixel(source, world, left + x, top + y, size[0], size[1])
             to_blue[row, column] = wp.floor(share * sums[1] + 0.5) - 128.0
             to_red[row, column] = wp.floor(share * sums[2] + 0.5) - 128.0
     to_blue = code(to_blue, tables, 1, exact)
     to_red = code(to_red, tables, 1, exact)
-    for block_row in range(blocks):
-        for block_column in range(blocks):
-            begin_row = top + 8 * block_row
-            begin_column = left + 8 * block_column
-            luma = mat88()
-            for row in range(8):
-                for column in range(8):
-                    pixel = load_pixel(source, world, begin_column + column, begin_row + row, width, height)
-                    luma[row, column] = pixel[0] - 128.0
-            luma = code(luma, tables, 0, exact)
-            for row in range(8):
-                for column in range(8):
-                    y = begin_row + row
-                    x = begin_column + column
-                    if y < height and x < width:
-                        at_row = (8 * block_row + row) // blocks
-                        at_column = (8 * block_column + column) // blocks
-                        light = rounded(luma[row, column] + 128.0)
-                        blue = rounded(to_blue[at_row, at_column] + 128.0) - 128.0
-                        red = rounded(to_red[at_row, at_column] + 128.0) - 128.0
-                        color = wp.vec3(
-                            rounded(light + 1.402 * red),
-                            rounded(light - 0.344136 * blue - 0.714136 * red),
-                            rounded(light + 1.772 * blue),
-                        )
-                        target[world, y * width + x] = color / 255.0
+    for row in range(8):
+        for column in range(8):
+            place = (8 * block_row + row) * 8 * blocks[0] + 8 * block_column + column
+            blue = wp.uint8(rounded(to_blue[row, column] + 128.0))
+            red = wp.uint8(rounded(to_red[row, column] + 128.0))
+            chroma[world, place] = wp.vec2ub(blue, red)
+
+
+@wp.func
+def chroma_at(
+    chroma: wp.array2d(dtype=wp.vec2ub),
+    world: wp.int32,
+    x: wp.int32,
+    y: wp.int32,
+    scale: wp.int32,
+    size: wp.vec2i,
+    width: wp.int32,
+) -> wp.vec2:
+    """Chroma of a pixel: of half resolution, 9/16 of the nearest and the rest of its neighbours, as libjpeg does."""
+    column = x // scale
+    row = y // scale
+    nearest = as_floats(chroma[world, row * width + column])
+    if scale == 1:
+        return nearest
+    other_column = wp.clamp(column + 2 * (x & 1) - 1, 0, (size[0] + 1) // 2 - 1)
+    other_row = wp.clamp(row + 2 * (y & 1) - 1, 0, (size[1] + 1) // 2 - 1)
+    beside = as_floats(chroma[world, row * width + other_column])
+    above = as_floats(chroma[world, other_row * width + column])
+    diagonal = as_floats(chroma[world, other_row * width + other_column])
+    total = 9.0 * nearest + 3.0 * (beside + above) + diagonal
+    return wp.vec2(wp.floor((total[0] + 8.0) / 16.0), wp.floor((total[1] + 8.0) / 16.0))
+
+
+@wp.func
+def as_floats(pair: wp.vec2ub) -> wp.vec2:
+    return wp.vec2(wp.float32(pair[0]), wp.float32(pair[1]))
+
+
+@wp.kernel(enable_backward=False)
+def code_luma(
+    mask: wp.array(dtype=wp.uint8),
+    tables: wp.array2d(dtype=wp.float32),
+    quality: wp.array(dtype=wp.float32),
+    size: wp.vec2i,
+    scale: wp.int32,
+    chroma_width: wp.int32,
+    blocks: wp.vec2i,
+    source: wp.array2d(dtype=wp.vec3),
+    chroma: wp.array2d(dtype=wp.vec2ub),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    """Luma, and colours of it with the chroma; a thread for each block."""
+    world, block = row_and_column(first + wp.tid(), blocks[0] * blocks[1])
+    if mask[world] == wp.uint8(0):
+        return
+    block_row, block_column = row_and_column(block, blocks[0])
+    exact = wp.clamp(wp.floor(quality[world] + 0.5), 1.0, 100.0)
+    luma = mat88()
+    for row in range(8):
+        for column in range(8):
+            pixel = load_pixel(source, world, 8 * block_column + column, 8 * block_row + row, size[0], size[1])
+            luma[row, column] = pixel[0] - 128.0
+    luma = code(luma, tables, 0, exact)
+    for row in range(8):
+        for column in range(8):
+            x = 8 * block_column + column
+            y = 8 * block_row + row
+            if x < size[0] and y < size[1]:
+                light = rounded(luma[row, column] + 128.0)
+                tint = chroma_at(chroma, world, x, y, scale, size, chroma_width) - wp.vec2(128.0, 128.0)
+                color = wp.vec3(
+                    rounded(light + 1.402 * tint[1]),
+                    rounded(light - 0.344136 * tint[0] - 0.714136 * tint[1]),
+                    rounded(light + 1.772 * tint[0]),
+                )
+                target[world, y * size[0] + x] = color / 255.0
