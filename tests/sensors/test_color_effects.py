@@ -58,7 +58,7 @@ EFFECTS: list[sensors.Effect] = [
     sensors.WhiteBalance((1.2, 1.0, 0.7)),
 ]
 # Values to which parameters do react, where half of those above are no change to see.
-OTHERS = {"bits": 2.0, "full_well": 1000.0}
+OTHERS = {"bits": 2.0, "full_well": 1000.0, "black_level": 60.0}
 
 
 def bench_of(effect: sensors.Effect, images: np.ndarray, device: wp.Device, **options: Any) -> Bench:
