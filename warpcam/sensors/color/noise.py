@@ -73,7 +73,7 @@ class Emva1288(Effect):
         dark_current: [e- / s]; a number or (world,).
         exposure_time: Time in which dark current gathers [s]; a number or (world,).
         black_level: Digital number of no electrons [DN]; a number or (world,).
-        bits: Of the converter; a number or (world,).
+        bits: Of the converter, to the next whole number; a number or (world,).
     """
 
     photons_at_white: Any = parameter(low=1e-3, high=1e7)

@@ -110,7 +110,7 @@ class Quantization(Effect):
     """Steps of display colours: rounded to multiples of 1 / (2^bits - 1).
 
     Attributes:
-        bits: A number or (world,).
+        bits: To the next whole number; a number or (world,).
     """
 
     bits: Any = parameter(low=1.0, high=16.0)

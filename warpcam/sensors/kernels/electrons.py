@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.tone import greatest_number
 
 wp.set_module_options(compiler_flags())
 
@@ -116,7 +117,7 @@ def measure_linearly(
     dark = camera.dark_current[world] * camera.exposure_time[world]
     black = camera.black_level[world]
     gain = camera.gain[world]
-    highest = wp.floor(wp.pow(2.0, camera.bits[world]) + 0.5) - 1.0
+    highest = greatest_number(camera.bits[world])
     light = source[world, pixel]
     measured = wp.vec3()
     for k in range(3):

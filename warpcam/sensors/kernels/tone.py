@@ -10,6 +10,12 @@ wp.set_module_options(compiler_flags())
 
 
 @wp.func
+def greatest_number(bits: wp.float32) -> wp.float32:
+    """Greatest number of so many bits, to the next whole one."""
+    return wp.float32((1 << wp.int32(bits + 0.5)) - 1)
+
+
+@wp.func
 def softplus(raw: wp.float32) -> wp.float32:
     """log(1 + exp(raw)), also where exp(raw) is infinite."""
     return wp.max(raw, 0.0) + wp.log(1.0 + wp.exp(-wp.abs(raw)))
@@ -138,7 +144,7 @@ def quantize(
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
     if mask[world] == wp.uint8(0):
         return
-    highest = wp.floor(wp.pow(2.0, bits[world]) + 0.5) - 1.0
+    highest = greatest_number(bits[world])
     value = source[world, pixel]
     for k in range(3):
         value[k] = wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5) / highest
