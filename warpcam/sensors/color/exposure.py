@@ -79,7 +79,7 @@ class WhiteBalance(Effect):
         7024034, 2006) in CIE 1931 chromaticities, in the primaries of sRGB.
 
         Args:
-            kelvin: Temperature of the light [K], from 1,902, where blue light begins, to 25,000; a number or (world,).
+            kelvin: Temperature of the light [K], from 1,904, where blue light begins, to 25,000; a number or (world,).
 
         Raises:
             WarpcamError: A temperature is out of range.
@@ -100,7 +100,7 @@ def gains_of(kelvin: Any) -> np.ndarray:
     allowed = (temperature >= low) & (temperature <= high) & (light > 0.0).all(axis=-1)
     if not allowed.all():
         raise WarpcamError(
-            f"{where} must be from 1902 to 25000, below which the light has no blue in sRGB, got "
+            f"{where} must be from 1904 to 25000, below which the light has no blue in sRGB, got "
             f"{temperature[~allowed].flat[0]:g}"
         )
     return light[..., 1:2] / light

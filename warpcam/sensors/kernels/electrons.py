@@ -44,7 +44,7 @@ def electrons_of(mean: wp.float32, uniform: wp.float32, normal: wp.float32) -> w
     """A number of Poisson's distribution with that mean.
 
     Few electrons are counted along the distribution function until it passes ``uniform``, which ends after at most
-    about 80 steps. Many are a normal number with the skewness of Poisson's distribution, after Cornish and Fisher, and
+    69 steps. Many are a normal number with the skewness of Poisson's distribution, after Cornish and Fisher, and
     with its variance once rounded: (z^2 - 1) / 6 adds 1 / 18 to the variance and rounding 1 / 12.
     """
     if mean >= APPROXIMATE_FROM:
