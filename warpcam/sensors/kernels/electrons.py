@@ -40,6 +40,14 @@ def two_normals(state: wp.uint32):
 
 
 @wp.func
+def three_normals(state: wp.uint32):
+    """Three independent numbers of the standard normal distribution, and the next state."""
+    red, green, state = two_normals(state)
+    blue, _, state = two_normals(state)
+    return wp.vec3(red, green, blue), state
+
+
+@wp.func
 def electrons_of(mean: wp.float32, uniform: wp.float32, normal: wp.float32) -> wp.float32:
     """A number of Poisson's distribution with that mean.
 
@@ -72,13 +80,12 @@ def count_electrons(
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
     if mask[world] == wp.uint8(0):
         return
-    state = element_state(randomness, world, pixel)
+    normals, state = three_normals(element_state(randomness, world, pixel))
     scale = electrons_at_white[world]
     light = source[world, pixel]
     measured = wp.vec3()
     for k in range(3):
-        normal, _, state = two_normals(state)
-        measured[k] = electrons_of(wp.max(light[k], 0.0) * scale, wp.randf(state), normal) / scale
+        measured[k] = electrons_of(wp.max(light[k], 0.0) * scale, wp.randf(state), normals[k]) / scale
     target[world, pixel] = measured
 
 
@@ -94,9 +101,8 @@ def add_normal(
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
     if mask[world] == wp.uint8(0):
         return
-    red, green, state = two_normals(element_state(randomness, world, pixel))
-    blue, _, state = two_normals(state)
-    target[world, pixel] = source[world, pixel] + sigma[world] * wp.vec3(red, green, blue)
+    normals, _ = three_normals(element_state(randomness, world, pixel))
+    target[world, pixel] = source[world, pixel] + sigma[world] * normals
 
 
 @wp.kernel(enable_backward=False)

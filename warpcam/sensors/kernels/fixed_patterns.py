@@ -4,7 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.electrons import two_normals
+from warpcam.sensors.kernels.electrons import three_normals
 from warpcam.sensors.kernels.random import Randomness, lasting_state
 
 wp.set_module_options(compiler_flags())
@@ -13,9 +13,8 @@ wp.set_module_options(compiler_flags())
 @wp.func
 def pattern(randomness: Randomness, world: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Normal numbers of a pixel's three channels, equal in all frames."""
-    red, green, state = two_normals(lasting_state(randomness, world, pixel))
-    blue, _, state = two_normals(state)
-    return wp.vec3(red, green, blue)
+    normals, _ = three_normals(lasting_state(randomness, world, pixel))
+    return normals
 
 
 @wp.kernel(enable_backward=False)
