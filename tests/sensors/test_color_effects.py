@@ -175,7 +175,7 @@ def test_curves_end_linear_light() -> None:
             sensors.Emva1288(**{**EMVA, "quantum_efficiency": 1.2}),
             "quantum_efficiency must be from 0.001 to 1, got 1.2",
         ),
-        (sensors.Blur(4.0), "Blur: sigma must be from 0 to 3, got 4"),
+        (sensors.Blur(14.0), "Blur: sigma must be from 0 to 10, got 14"),
         (sensors.JpegArtifacts(0.0), "JpegArtifacts: quality must be from 1 to 100, got 0"),
         (sensors.WhiteBalance((1.0, 1.0)), r"WhiteBalance: gains must have shape \(3,\) or \(2, 3\), got \(2,\)"),
         (sensors.Quantization(17), "Quantization: bits must be from 1 to 16, got 17"),

@@ -90,11 +90,11 @@ def test_small_images_have_neighbors_of_their_own(shape: tuple[int, int], device
 
 
 def test_blur_is_a_gaussian(device: wp.Device) -> None:
-    light = picture(worlds=4)
-    found = measured(sensors.Blur([0.4, 1.0, 2.7, 0.0]), light, device)
-    for world, sigma in enumerate((0.4, 1.0, 2.7)):
+    light = picture(worlds=5)
+    found = measured(sensors.Blur([0.4, 1.0, 2.7, 9.0, 0.0]), light, device)
+    for world, sigma in enumerate((0.4, 1.0, 2.7, 9.0)):
         assert np.allclose(found[world], blurred(light[world], sigma), atol=1e-5)
-    assert (found[3] == light[3]).all()
+    assert (found[4] == light[4]).all()
 
 
 def test_sharpening_adds_what_blur_takes(device: wp.Device) -> None:

@@ -4,14 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import warp as wp
+
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.neighborhoods import blur, sharpen, shift_channels
+from warpcam.sensors.kernels.neighborhoods import blur_columns, blur_rows, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
 
-# Standard deviation of the widest Gaussian [pixels]: 19 x 19 pixels are read.
-MAX_SIGMA = 3.0
+# Standard deviation of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read.
+MAX_SIGMA = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,17 +94,17 @@ class Blur(Effect):
     """Point spread of a lens: a Gaussian, out to three standard deviations.
 
     Attributes:
-        sigma: Standard deviation [pixels]; a number or (world,). Its cost grows with its square: 3 is 361 pixels.
+        sigma: Standard deviation [pixels]; a number or (world,). Its cost grows with it.
     """
 
     sigma: Any = parameter(low=0.0, high=MAX_SIGMA)
 
     kind = "linear"
-    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.params.sigma, frame.width, frame.height, frame.source, frame.target]
-        return [frame.per_pixel(blur, inputs)]
+        rows, stage = bind_rows(frame)
+        inputs = [frame.mask, frame.params.sigma, frame.width, rows, frame.target]
+        return [stage, frame.per_pixel(blur_columns, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,9 +120,16 @@ class Sharpening(Effect):
     sigma: Any = parameter(1.0, low=0.0, high=MAX_SIGMA)
 
     kind = "display"
-    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size = [frame.width, frame.height]
-        inputs = [frame.mask, frame.params.amount, frame.params.sigma, *size, frame.source, frame.target]
-        return [frame.per_pixel(sharpen, inputs)]
+        rows, stage = bind_rows(frame)
+        parameters = [frame.params.amount, frame.params.sigma]
+        inputs = [frame.mask, *parameters, frame.width, rows, frame.source, frame.target]
+        return [stage, frame.per_pixel(sharpen, inputs)]
+
+
+def bind_rows(frame: EffectFrame) -> tuple[wp.array, Stage]:
+    """An image blurred along its rows, and the stage that writes it; its columns are left to a second stage."""
+    rows = wp.empty_like(frame.source)
+    inputs = [frame.mask, frame.params.sigma, frame.width, frame.source, rows]
+    return rows, frame.per_pixel(blur_rows, inputs)

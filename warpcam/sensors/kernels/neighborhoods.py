@@ -10,54 +10,74 @@ wp.set_module_options(compiler_flags())
 
 @wp.func
 def blurred(
-    source: wp.array2d(dtype=wp.vec3),
+    image: wp.array2d(dtype=wp.vec3),
     world: wp.int32,
-    pixel: wp.int32,
-    width: wp.int32,
-    height: wp.int32,
+    begin: wp.int32,
+    step: wp.int32,
+    count: wp.int32,
+    place: wp.int32,
     sigma: wp.float32,
 ) -> wp.vec3:
-    """Weighted mean by a Gaussian out to three standard deviations; the image goes on as its border."""
+    """Mean along a line of pixels, weighted by a Gaussian out to three standard deviations.
+
+    Beyond its ends the line goes on as the pixels there.
+
+    Args:
+        image: (world, pixel).
+        world: Which.
+        begin: First pixel of the line.
+        step: From a pixel of the line to the next.
+        count: Pixels of the line.
+        place: Number of the pixel in the line.
+        sigma: Standard deviation [pixels].
+    """
+    total = image[world, begin + place * step]
     if sigma <= 0.0:
-        return source[world, pixel]
-    row, column = row_and_column(pixel, width)
-    radius = wp.int32(wp.ceil(3.0 * sigma))
-    nearest = wp.exp(-0.5 / (sigma * sigma))  # weight of the next pixel; that of the n-th is this to the n^2
-    total = wp.vec3()
-    weights = wp.float32(0.0)
-    for down in range(-radius, radius + 1):
-        begin = wp.clamp(row + down, 0, height - 1) * width
-        line = source[world, begin + column]
-        of_line = wp.float32(1.0)
-        weight = wp.float32(1.0)
-        ratio = wp.float32(nearest)
-        for across in range(1, radius + 1):
-            weight *= ratio
-            ratio *= nearest * nearest
-            left = source[world, begin + wp.max(column - across, 0)]
-            right = source[world, begin + wp.min(column + across, width - 1)]
-            line += weight * (left + right)
-            of_line += 2.0 * weight
-        distance = wp.float32(down)
-        outer = wp.exp(-0.5 * distance * distance / (sigma * sigma))
-        total += outer * line
-        weights += outer * of_line
+        return total
+    ratio = wp.exp(-0.5 / (sigma * sigma))
+    growth = ratio * ratio
+    weight = wp.float32(1.0)
+    weights = wp.float32(1.0)
+    for distance in range(1, wp.int32(wp.ceil(3.0 * sigma)) + 1):
+        weight *= ratio  # ratio^(distance^2), whose exponent grows by 1, 3, 5, ...
+        ratio *= growth
+        before = image[world, begin + wp.max(place - distance, 0) * step]
+        after = image[world, begin + wp.min(place + distance, count - 1) * step]
+        total += weight * (before + after)
+        weights += 2.0 * weight
     return total / weights
 
 
 @wp.kernel(enable_backward=False)
-def blur(
+def blur_rows(
     mask: wp.array(dtype=wp.uint8),
     sigma: wp.array(dtype=wp.float32),
     width: wp.int32,
-    height: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] != wp.uint8(0):
-        target[world, pixel] = blurred(source, world, pixel, width, height, sigma[world])
+    if mask[world] == wp.uint8(0):
+        return
+    row, column = row_and_column(pixel, width)
+    target[world, pixel] = blurred(source, world, row * width, 1, width, column, sigma[world])
+
+
+@wp.kernel(enable_backward=False)
+def blur_columns(
+    mask: wp.array(dtype=wp.uint8),
+    sigma: wp.array(dtype=wp.float32),
+    width: wp.int32,
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    row, column = row_and_column(pixel, width)
+    target[world, pixel] = blurred(source, world, column, width, source.shape[1] // width, row, sigma[world])
 
 
 @wp.kernel(enable_backward=False)
@@ -66,16 +86,18 @@ def sharpen(
     amount: wp.array(dtype=wp.float32),
     sigma: wp.array(dtype=wp.float32),
     width: wp.int32,
-    height: wp.int32,
+    rows: wp.array2d(dtype=wp.vec3),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
+    """Add what a blur takes; ``rows`` is the image blurred along its rows."""
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
     if mask[world] == wp.uint8(0):
         return
+    row, column = row_and_column(pixel, width)
     value = source[world, pixel]
-    detail = value - blurred(source, world, pixel, width, height, sigma[world])
+    detail = value - blurred(rows, world, column, width, source.shape[1] // width, row, sigma[world])
     target[world, pixel] = value + amount[world] * detail
 
 
