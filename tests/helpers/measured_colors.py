@@ -24,7 +24,6 @@ class Bench:
         *,
         seed: int = 0,
         views: Sequence[View] = (),
-        projection: Any = "pinhole",
     ):
         self.shape = np.shape(images)
         worlds, height, width = self.shape[:3]
@@ -46,7 +45,6 @@ class Bench:
             target=self._target,
             truth={},
             views=wp.array(list(views), dtype=View, device=device),
-            projection=projection,
             mask=self.mask,
             params=self.params,
             randomness=randomness,

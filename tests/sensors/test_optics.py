@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from measured_colors import measured, picture
+from small_scene import camera, scene_of
 
 import warpcam as wc
 from warpcam import sensors
@@ -51,10 +52,13 @@ def test_light_falls_off_with_the_fourth_power_of_the_cosine(device: wp.Device) 
         assert np.allclose(found[world], factor[..., None] * light[world], atol=1e-6)
 
 
-@pytest.mark.parametrize("projection", ["orthographic", "rays", "offset_rays"])
-def test_natural_falloff_is_of_pinholes(projection: str) -> None:
-    with pytest.raises(wc.WarpcamError, match=f"lens must be a Pinhole, its projection is '{projection}'"):
-        measured(sensors.NaturalVignetting(), picture(), wp.get_device("cpu"), projection=projection)
+@pytest.mark.parametrize("lens", [wc.Orthographic(height=4.0), wc.Fisheye(fovy=100.0)], ids=["parallel", "fisheye"])
+def test_natural_falloff_is_of_pinholes(lens: wc.Lens) -> None:
+    eye = camera("eye", lens=lens, position=(0.0, 0.0, 5.0), outputs=("rgb",))
+    renderer = wc.Renderer(scene_of("cpu", 1), [eye])
+    with pytest.raises(wc.WarpcamError, match="NaturalVignetting needs a camera with a pinhole lens"):
+        sensors.Rig(renderer, {"eye": [sensors.NaturalVignetting()]})
+    sensors.Rig(renderer, {"eye": [sensors.Vignetting((-0.5, 0.0, 0.0))]}).read()
 
 
 def test_falloff_by_a_polynomial(device: wp.Device) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.camera.camera import Camera
-from warpcam.camera.lens import Lens, Projection
+from warpcam.camera.lens import Lens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
@@ -101,8 +101,10 @@ class Renderer:
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = torch_interop.to_torch(self._faults)
         self._counters = FrameCounters.of(scene.num_worlds, scene.device)
-        self.frames = torch_interop.to_torch(self._counters.frames)
-        self.times = torch_interop.to_torch(self._counters.times)
+        self.frames, self.times = (
+            torch_interop.to_torch(self._counters.frames),
+            torch_interop.to_torch(self._counters.times),
+        )
         self.images: Images = {
             key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._passes.items()
@@ -185,10 +187,6 @@ class Renderer:
     def views(self, camera: str | int) -> wp.array:
         """Pose and lens of a camera as the last frame had them: ``warpcam.kernels.types.View``, (world,)."""
         return self._passes[self._key(camera)].views
-
-    def projection(self, camera: str | int) -> Projection:
-        """Kind of a camera's lens."""
-        return self._bindings[self._key(camera)].projection
 
     def camera(self, camera: str | int) -> CameraArrays:
         """Return the arrays of that camera that may be written in place: tensors on the scene's device.

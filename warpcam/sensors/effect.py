@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import warp as wp
 
-from warpcam.camera.lens import Projection
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
@@ -48,12 +47,14 @@ class Effect:
         reads: Outputs of the camera that it needs beside the image that it changes.
         in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
+        needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
     """
 
     kind: ClassVar[Kind]
     reads: ClassVar[tuple[str, ...]] = ()
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
+    needs_pinhole: ClassVar[bool] = False
 
     def check(self, where: str) -> None:
         """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""
@@ -72,7 +73,6 @@ class EffectFrame:
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
         truth: Outputs of the renderer by name, (world, height, width, channels).
         views: (world,) ``View``: pose and lens as the trace had them.
-        projection: Kind of the camera's lens.
         mask: (world,) uint8; worlds with 0 are left alone.
         params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
         randomness: Random numbers of this effect.
@@ -87,7 +87,6 @@ class EffectFrame:
     target: wp.array
     truth: Mapping[str, wp.array]
     views: wp.array
-    projection: Projection
     mask: wp.array
     params: SimpleNamespace
     randomness: Randomness

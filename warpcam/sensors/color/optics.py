@@ -6,7 +6,6 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.neighborhoods import blur_columns, blur_rows, sharpen, shift_channels
@@ -30,13 +29,9 @@ class NaturalVignetting(Effect):
     strength: Any = parameter(1.0, low=0.0, high=1.0)
 
     kind = "linear"
+    needs_pinhole = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        if frame.projection != "pinhole":
-            raise WarpcamError(
-                f"NaturalVignetting: the camera's lens must be a Pinhole, its projection is {frame.projection!r}; "
-                "Vignetting takes any lens"
-            )
         inputs = [frame.mask, frame.views, frame.params.strength, frame.width, frame.source, frame.target]
         return [frame.per_pixel(darken_naturally, inputs)]
 
