@@ -203,6 +203,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
     "docs/sensors_point_clouds.md": point_clouds,
+    "docs/sensors_color.md": memory,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
