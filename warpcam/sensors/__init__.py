@@ -1,7 +1,37 @@
 """Sensors: what a robot's cameras and range sensors measure, in every world, on the device."""
 
+from warpcam.sensors.depth.disparity import DisparityNoise, DisparityQuantization, MatchingWindow, ShiftedLookup
+from warpcam.sensors.depth.dropout import DarkDropout, EdgeDropout, FlyingPixels, GrazingDropout, RandomDropout
+from warpcam.sensors.depth.kinect_noise import AxialNoise, LateralNoise
+from warpcam.sensors.depth.noise import AzureKinectNoise, DepthBias, DepthDrift, DepthFixedPattern, PolynomialNoise
+from warpcam.sensors.depth.quantization import DepthQuantization
 from warpcam.sensors.depth.range_limits import DepthRange
+from warpcam.sensors.depth.stereo_shadow import StereoShadow
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.rig import Rig
 
-__all__ = ["DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]
+__all__ = [
+    "AxialNoise",
+    "AzureKinectNoise",
+    "DarkDropout",
+    "DepthBias",
+    "DepthDrift",
+    "DepthFixedPattern",
+    "DepthQuantization",
+    "DepthRange",
+    "DisparityNoise",
+    "DisparityQuantization",
+    "EdgeDropout",
+    "Effect",
+    "EffectFrame",
+    "FlyingPixels",
+    "GrazingDropout",
+    "LateralNoise",
+    "MatchingWindow",
+    "PolynomialNoise",
+    "RandomDropout",
+    "Rig",
+    "ShiftedLookup",
+    "StereoShadow",
+    "parameter",
+]
