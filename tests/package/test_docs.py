@@ -196,6 +196,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/outputs.md": outputs,
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
+    "docs/sensors_depth.md": simulated,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
