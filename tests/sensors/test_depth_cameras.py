@@ -1,5 +1,6 @@
 """Models of depth cameras that one can buy: images, ranges, and the noise of each at its own depth."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from typing import Any
@@ -114,6 +115,33 @@ def test_modes_of_the_azure_kinect(mode: Any, size: tuple[int, int], near: float
     model = sensors.azure_kinect(mode)
     assert (model.width, model.height, model.near, model.far) == (*size, near, far)
     assert math.isclose(model.fovx, 120.0 if mode.startswith("w") else 75.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": ""}, "CameraModel: name must be the name of a product, got ''"),
+        (
+            {"effects": ("noise",)},
+            r"CameraModel\('RealSense D435'\): effects of warpcam.sensors are allowed, got 'noise'",
+        ),
+        ({"effects": sensors.DepthBias()}, None),
+        ({"width": 0}, "width must be a whole number of pixels, at least 1, got 0"),
+        ({"height": 480.0}, "height must be a whole number of pixels, at least 1, got 480.0"),
+        ({"fx": -1.0}, "fx must be a positive number, got -1.0"),
+        ({"fy": "430"}, "fy must be a positive number, got '430'"),
+        ({"frame_rate": float("nan")}, "frame_rate must be a positive number, got nan"),
+        ({"near": 4.0}, "near must be below far, got near 4.0 and far 3.0"),
+        ({"far": float("inf")}, "far must be a positive number, got inf"),
+    ],
+)
+def test_models_that_cannot_be_are_refused(changes: dict[str, Any], message: str | None) -> None:
+    model = sensors.realsense_d435()
+    if message is None:
+        assert len(dataclasses.replace(model, **changes)) == 1
+        return
+    with pytest.raises(wc.WarpcamError, match=message):
+        dataclasses.replace(model, **changes)
 
 
 def test_mistakes_are_named() -> None:

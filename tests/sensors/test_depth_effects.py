@@ -121,6 +121,18 @@ def test_each_parameter_is_written_in_place_per_world(device: wp.Device, name: s
     assert (measured[1] != expected[1]).any()
 
 
+def test_drift_ends_at_a_reset(device: wp.Device) -> None:
+    rig = rig_of(device, "drift")
+    first = depth_of(rig)
+    truth = rig.renderer.images["top"]["depth"].cpu().numpy()
+    rig.parameters("top").depth_drift_sigma[:] = 0.0
+    rig.reset([1])
+    second = depth_of(rig)
+    seen = np.isfinite(truth)
+    assert (second[1] == truth[1]).all() and (second[[0, 2]] == first[[0, 2]]).all()
+    assert (first != truth)[seen].all()
+
+
 def benches(name: str, device: wp.Device, entry: str) -> tuple[DepthBench, DepthBench]:
     effect = EFFECTS[name]
     value = float(np.asarray(getattr(effect, entry)))

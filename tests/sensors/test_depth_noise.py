@@ -125,6 +125,22 @@ def test_disparity_comes_in_steps(device: wp.Device) -> None:
     assert (exact == depth.astype(np.float32)).all()
 
 
+def test_the_kinect_of_barron_and_malik_is_noise_and_steps_of_a_disparity(device: wp.Device) -> None:
+    """simkinect's last line: 351.3 m / round(351.3 m / z + N(0, 1/6) + 0.5)."""
+    pixel = {"baseline": 0.075, "focal_length": 351.3 / 8.0 / 0.075}
+    noise = sensors.DisparityNoise(sigma=1.0 / 48.0, bias=1.0 / 16.0, **pixel)
+    steps = sensors.DisparityQuantization(step=1.0 / 8.0, **pixel)
+    depth = np.linspace(1.0, 4.0, 10**6).reshape(SHAPE)
+    measured = DepthBench(steps, device).measure(DepthBench(noise, device).measure(depth)).astype(np.float64)
+    drawn = np.random.default_rng(0).normal(0.0, 1.0 / 6.0, SHAPE)
+    expected = 351.3 / np.round(351.3 / depth + drawn + 0.5)
+    assert np.abs(351.3 / measured - np.round(351.3 / measured)).max() < 1e-3
+    for some in np.array_split(np.arange(10**6), 10):
+        errors = [(each.ravel()[some] - depth.ravel()[some]) for each in (measured, expected)]
+        assert abs(errors[0].mean() - errors[1].mean()) < 0.01 * errors[1].std()
+        assert abs(errors[0].std() / errors[1].std() - 1.0) < 0.01
+
+
 def test_bias(device: wp.Device) -> None:
     measured = DepthBench(sensors.DepthBias(offset=-0.5, scale=1.01), device).measure(plane(2.0))
     assert np.allclose(measured, 1.52)

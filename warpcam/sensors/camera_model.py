@@ -32,6 +32,9 @@ class CameraModel(Sequence[Effect]):
         frame_rate: Highest frame rate at that size [Hz].
         near: Least depth that is measured [m].
         far: Greatest depth that is measured [m].
+
+    Raises:
+        WarpcamError: A value is not of its kind, or not positive; near is not below far.
     """
 
     name: str
@@ -43,6 +46,27 @@ class CameraModel(Sequence[Effect]):
     frame_rate: float
     near: float
     far: float
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise WarpcamError(f"CameraModel: name must be the name of a product, got {self.name!r}")
+        where = f"CameraModel({self.name!r})"
+        effects = tuple(self.effects) if isinstance(self.effects, Sequence) else (self.effects,)
+        for effect in effects:
+            if not isinstance(effect, Effect):
+                raise WarpcamError(f"{where}: effects of warpcam.sensors are allowed, got {effect!r}")
+        object.__setattr__(self, "effects", effects)
+        for name in ("width", "height"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+                raise WarpcamError(f"{where}: {name} must be a whole number of pixels, at least 1, got {value!r}")
+        for name in ("fx", "fy", "frame_rate", "near", "far"):
+            value = getattr(self, name)
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not 0.0 < value < math.inf:
+                raise WarpcamError(f"{where}: {name} must be a positive number, got {value!r}")
+        if self.near >= self.far:
+            raise WarpcamError(f"{where}: near must be below far, got near {self.near} and far {self.far}")
 
     @overload
     def __getitem__(self, index: int) -> Effect: ...
