@@ -43,9 +43,9 @@ def drop_edges(
     depth = source[world, pixel]
     if is_measured(depth):
         least, greatest = extremes(source, world, pixel, width)
-        drawn = wp.randf(element_state(randomness, world, pixel)) < probability[world]
-        if greatest - least > threshold[world] and drawn:
-            depth = wp.float32(0.0)
+        if greatest - least > threshold[world]:
+            if wp.randf(element_state(randomness, world, pixel)) < probability[world]:
+                depth = wp.float32(0.0)
     target[world, pixel] = depth
 
 
@@ -66,10 +66,10 @@ def mix_edges(
     depth = source[world, pixel]
     if is_measured(depth):
         least, greatest = extremes(source, world, pixel, width)
-        state = element_state(randomness, world, pixel)
-        drawn = wp.randf(state) < probability[world]
-        if drawn and greatest < wp.inf and greatest - least > threshold[world]:
-            depth = wp.lerp(least, greatest, wp.randf(state))
+        if greatest < wp.inf and greatest - least > threshold[world]:
+            state = element_state(randomness, world, pixel)
+            if wp.randf(state) < probability[world]:
+                depth = wp.lerp(least, greatest, wp.randf(state))
     target[world, pixel] = depth
 
 
@@ -92,9 +92,9 @@ def drop_grazing(
     if is_measured(depth):
         row, column = row_and_column(pixel, normals.shape[2])
         beyond = wp.degrees(incidence(views[world], normals, world, row, column)) - start[world]
-        drawn = wp.randf(element_state(randomness, world, pixel)) * wp.max(end[world] - start[world], 0.0) < beyond
-        if drawn:
-            depth = wp.float32(0.0)
+        if beyond > 0.0:
+            if wp.randf(element_state(randomness, world, pixel)) * wp.max(end[world] - start[world], 0.0) < beyond:
+                depth = wp.float32(0.0)
     target[world, pixel] = depth
 
 
@@ -119,9 +119,9 @@ def drop_dark(
         green = wp.float32(colors[world, row, column, 1])
         blue = wp.float32(colors[world, row, column, 2])
         gray = 0.299 * red + 0.587 * green + 0.114 * blue
-        drawn = wp.randf(element_state(randomness, world, pixel)) < probability[world]
-        if gray < 255.0 * threshold[world] and drawn:
-            depth = wp.float32(0.0)
+        if gray < 255.0 * threshold[world]:
+            if wp.randf(element_state(randomness, world, pixel)) < probability[world]:
+                depth = wp.float32(0.0)
     target[world, pixel] = depth
 
 
