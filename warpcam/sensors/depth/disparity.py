@@ -78,8 +78,8 @@ class DisparityNoise(Effect):
 class DisparityQuantization(Effect):
     """Steps of the disparity ``d = f B / z``: depth comes in steps of ``z^2 step / (f B)``.
 
-    Depth whose disparity rounds to 0 is no measurement. Source: the baseline and the focal length that simkinect
-    (``ShiftedLookup``) rounds to 1/8 pixel with are 0.075 m and 480 pixels.
+    Depth whose disparity rounds to 0 is no measurement. Source of the step: simkinect (``ShiftedLookup``), whose focal
+    length is 480 pixels and whose baseline is 0.075 m.
 
     Attributes:
         baseline: Distance of the two imagers [m]; a number or (world,), as all that follow.
@@ -103,7 +103,7 @@ class DisparityQuantization(Effect):
 
 @dataclass(frozen=True, eq=False)
 class MatchingWindow(Effect):
-    """Windows that match: depth is kept where enough of its neighbourhood has about the same disparity.
+    """Dropout of pixels whose window does not match: too little of the neighbourhood has about the same disparity.
 
     A neighbour at r pixels counts if its disparity differs from the mean of the window by less than ``tolerance 1.44
     r^2``, the pixel itself by less than ``tolerance``. Source of the rule and of the defaults: the filter of simkinect
