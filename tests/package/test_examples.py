@@ -72,6 +72,12 @@ def test_sensor_colors_saves_eight_cameras(tmp_path: Path) -> None:
     assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05  # edges may be drawn otherwise
 
 
+def test_depth_cameras_measure_one_table(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "depth_cameras.py"), folder=tmp_path)
+    assert np.asarray(Image.open(tmp_path / "depth_cameras.png")).shape == (360, 960, 3)
+    assert len(re.findall(r"[\d.]+ % of the pixels are measured", printed)) == 7
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
