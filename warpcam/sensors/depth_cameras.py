@@ -1,5 +1,6 @@
 """Depth cameras that one can buy, each number with its source."""
 
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args
 
 from warpcam.core.errors import WarpcamError
@@ -172,3 +173,20 @@ def vl53l5cx() -> CameraModel:
     focal = focal_length(8, 45.0)
     effects = (noise, DepthQuantization(MILLIMETER), DepthRange(0.2, 4.0))
     return CameraModel("VL53L5CX", effects, 8, 8, focal, focal, 15.0, 0.2, 4.0)
+
+
+# Models by name, in their modes by default, for programs that take names.
+CAMERA_MODELS: Mapping[str, Callable[[], CameraModel]] = {
+    made.__name__: made
+    for made in (
+        realsense_d405,
+        realsense_d415,
+        realsense_d435,
+        realsense_d455,
+        azure_kinect,
+        zed_2,
+        oak_d,
+        kinect_v1,
+        vl53l5cx,
+    )
+}
