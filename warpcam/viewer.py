@@ -10,6 +10,8 @@ from warpcam.camera.lens import Pinhole
 from warpcam.core.errors import WarpcamError
 from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
+from warpcam.sensors import Rig
+from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.mujoco import batch_file
 
 try:
@@ -22,6 +24,7 @@ except ImportError as error:
 FREE = "free"  # the camera that each page moves
 OUTPUTS = tuple(name for name in outputs.OUTPUTS if name not in ("rgba", "flow_valid"))
 SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
+TRUTH = "none"  # in place of a sensor's name: what is there
 QUALITY = 85  # of the pictures, which are sent as JPEG
 
 
@@ -47,6 +50,7 @@ class ViewSelection(NamedTuple):
     output: str
     camera: str
     world: int
+    sensor: str = TRUTH
 
 
 class Viewer:
@@ -80,7 +84,7 @@ class Viewer:
         if not isinstance(host, str):
             raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
         self._scene, self._width, self._height = scene, int(width), int(height)
-        self._renderer: tuple[str, str, Renderer] | None = None
+        self._renderer: tuple[tuple[str, str, str], Renderer, Rig | None] | None = None
         self._shown: dict[int, tuple[ViewSelection, ClientCamera]] = {}
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
         self._renderer_of(ViewSelection("rgb", FREE, 0))
@@ -94,6 +98,7 @@ class Viewer:
         gui = self.server.gui
         self._output = gui.add_dropdown("Output", OUTPUTS, initial_value="rgb")
         self._camera = gui.add_dropdown("Camera", (FREE, *self._cameras), initial_value=FREE)
+        self._sensor = gui.add_dropdown("Sensor", (TRUTH, *CAMERA_MODELS), initial_value=TRUTH)
         last = scene.num_worlds - 1
         self._world = gui.add_slider("World", min=0, max=max(last, 1), step=1, initial_value=0, visible=last > 0)
 
@@ -108,7 +113,9 @@ class Viewer:
         Args:
             moved: False draws only for those whose camera or choice is another one than in their last picture.
         """
-        choice = ViewSelection(str(self._output.value), str(self._camera.value), int(self._world.value))
+        choice = ViewSelection(
+            str(self._output.value), str(self._camera.value), int(self._world.value), str(self._sensor.value)
+        )
         clients = self.server.get_clients()
         self._shown = {number: shown for number, shown in self._shown.items() if number in clients}
         sent = 0
@@ -126,11 +133,12 @@ class Viewer:
 
         A scene's camera gets borders if the page is wider or higher.
         """
-        renderer = self._renderer_of(choice)
+        renderer, rig = self._renderer_of(choice)
         key = next(iter(renderer.images))
         if choice.camera == FREE:
             self._place(renderer, choice.world, eye)
-        image = renderer.render(worlds=[choice.world])[key][choice.output][choice.world : choice.world + 1]
+        images = renderer.render(worlds=[choice.world]) if rig is None else rig.read(worlds=[choice.world])
+        image = images[key][choice.output][choice.world : choice.world + 1]
         shown = visualize.picture(choice.output, image.cpu().numpy())[0].copy()  # colours may be the renderer's own
         return shown if choice.camera == FREE else _bordered(shown, eye.aspect)
 
@@ -138,10 +146,12 @@ class Viewer:
         """End the page."""
         self.server.stop()
 
-    def _renderer_of(self, choice: ViewSelection) -> Renderer:
-        """The renderer for an output and a camera; made where the last picture had others."""
-        if self._renderer is None or self._renderer[:2] != (choice.output, choice.camera):
+    def _renderer_of(self, choice: ViewSelection) -> tuple[Renderer, Rig | None]:
+        """The renderer for an output and a camera, and the rig of a sensor; made where the last picture had others."""
+        wanted = choice.output, choice.camera, choice.sensor
+        if self._renderer is None or self._renderer[0] != wanted:
             self._renderer = None  # its memory first
+            model = None if choice.sensor == TRUTH else CAMERA_MODELS[choice.sensor]()
             free: dict[str, Any] = {}
             if choice.camera == FREE:
                 free = {"position": (0.0, 0.0, 0.0), "lens": Pinhole(fx=1.0)}
@@ -149,13 +159,14 @@ class Viewer:
                 FREE if free else self._cameras[choice.camera],
                 width=self._width,
                 height=self._height,
-                outputs=(choice.output,),
+                outputs=tuple(dict.fromkeys((choice.output, *(() if model is None else model.outputs)))),
                 shadows=True,
                 antialiasing=4 if choice.output in SMOOTHED else 1,
                 **free,
             )
-            self._renderer = choice.output, choice.camera, Renderer(self._scene, [camera])
-        return self._renderer[2]
+            renderer = Renderer(self._scene, [camera])
+            self._renderer = wanted, renderer, None if model is None else Rig(renderer, {camera.name: model})
+        return self._renderer[1:]
 
     def _place(self, renderer: Renderer, world: int, eye: ClientCamera) -> None:
         """Put the free camera of a world where a page looks from; its pixels are as wide as the window makes them."""

@@ -220,7 +220,7 @@ def test_intensities(device: wp.Device, intensity: str) -> None:
         pattern,
         position=(0, 0, 2),
         intensity=intensity,
-        dropout=sensors.Dropout(attenuation=0.1),
+        dropout=sensors.LidarDropout(attenuation=0.1),
     )
     scan = host(lidar.read())
     display = np.round(255.0 * np.array([0.8, 0.4, 0.2])) / 255.0
@@ -234,7 +234,7 @@ def test_intensities(device: wp.Device, intensity: str) -> None:
 
 def test_reads_are_part_of_a_capture(device: wp.Device) -> None:
     scene = floor(2, device)
-    lidar = sensors.Lidar(scene, downward(4), position=(0, 0, 1), noise=sensors.RangeNoise(constant=0.01))
+    lidar = sensors.Lidar(scene, downward(4), position=(0, 0, 1), noise=sensors.LidarNoise(constant=0.01))
     lidar.read()
     with wp.ScopedCapture(device) as capture:
         lidar.read()
@@ -276,12 +276,12 @@ def test_worlds_that_never_ran_return_nothing(device: wp.Device) -> None:
         ({"outputs": ("range",)}, r"Lidar: outputs must be some of 'ranges', .*, got \('range',\)"),
         ({"outputs": "ranges"}, "Lidar: outputs must be some of"),
         ({"outputs": ()}, "Lidar: outputs must be some of"),
-        ({"noise": 0.01}, "Lidar: noise must be sensors.RangeNoise or None, got 0.01"),
-        ({"noise": sensors.RangeNoise(resolution=-1.0)}, "RangeNoise: resolution must be from 0 to inf, got -1"),
-        ({"dropout": sensors.Dropout(rate=1.5)}, "Dropout: rate must be from 0 to 1, got 1.5"),
+        ({"noise": 0.01}, "Lidar: noise must be sensors.LidarNoise or None, got 0.01"),
+        ({"noise": sensors.LidarNoise(resolution=-1.0)}, "LidarNoise: resolution must be from 0 to inf, got -1"),
+        ({"dropout": sensors.LidarDropout(rate=1.5)}, "LidarDropout: rate must be from 0 to 1, got 1.5"),
         (
-            {"dropout": sensors.Dropout(rate=[0.1, 0.2])},
-            r"Dropout: rate must have shape a number or \(1,\), got \(2,\)",
+            {"dropout": sensors.LidarDropout(rate=[0.1, 0.2])},
+            r"LidarDropout: rate must have shape a number or \(1,\), got \(2,\)",
         ),
         ({"echoes": 2}, "Lidar: 2 echoes need divergence and echo_gap"),
         ({"echoes": 8}, "Lidar: echoes must be a whole number from 1 to 7, got 8"),

@@ -26,7 +26,7 @@ def lidar_at(heights: np.ndarray, device: wp.Device, side: int = SIDE, **setting
 def test_range_noise(device: wp.Device) -> None:
     """Mean and sigma of ranges, and how many lie within one sigma, two and three."""
     constant, linear, quadratic, bias = 0.01, -5e-4, 1.5e-4, np.array([0.0, 0.1, -0.1, 0.02])
-    noise = sensors.RangeNoise(constant=constant, linear=linear, quadratic=quadratic, bias=bias)
+    noise = sensors.LidarNoise(constant=constant, linear=linear, quadratic=quadratic, bias=bias)
     ranges = host(lidar_at(HEIGHTS, device, noise=noise).read())["ranges"].reshape(4, -1).astype(np.float64)
     sigma = constant + linear * HEIGHTS + quadratic * HEIGHTS**2
     deviations = (ranges - (HEIGHTS + bias)[:, None]) / sigma[:, None]
@@ -40,14 +40,14 @@ def test_range_noise(device: wp.Device) -> None:
 
 
 def test_sigma_is_at_least_zero(device: wp.Device) -> None:
-    ranges = host(lidar_at(HEIGHTS[:1], device, 10, noise=sensors.RangeNoise(constant=0.1, linear=-1.0)).read())
+    ranges = host(lidar_at(HEIGHTS[:1], device, 10, noise=sensors.LidarNoise(constant=0.1, linear=-1.0)).read())
     np.testing.assert_allclose(ranges["ranges"], 2.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("carla", [False, True])
 def test_dropout(device: wp.Device, carla: bool) -> None:
     """Shares of lost returns at distances on both sides of the limit."""
-    dropout = sensors.Dropout.carla() if carla else sensors.Dropout(0.2, 0.9, 0.7, 0.05)
+    dropout = sensors.LidarDropout.carla() if carla else sensors.LidarDropout(0.2, 0.9, 0.7, 0.05)
     rate, limit, zero, attenuation = (0.45, 0.8, 0.4, 0.004) if carla else (0.2, 0.9, 0.7, 0.05)
     heights = np.array([10.0, 60.0, 200.0, 500.0]) if carla else np.array([1.0, 5.0, 20.0, 80.0])
     light = np.exp(-attenuation * heights)
@@ -60,7 +60,7 @@ def test_dropout(device: wp.Device, carla: bool) -> None:
 
 
 def test_ranges_have_a_resolution(device: wp.Device) -> None:
-    noise = sensors.RangeNoise(constant=0.2, resolution=0.03)
+    noise = sensors.LidarNoise(constant=0.2, resolution=0.03)
     ranges = host(lidar_at(HEIGHTS[:1], device, noise=noise).read())["ranges"].astype(np.float64)
     steps = ranges / 0.03
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
@@ -70,13 +70,13 @@ def test_ranges_have_a_resolution(device: wp.Device) -> None:
 def test_what_noise_moves_out_of_range_is_lost(device: wp.Device) -> None:
     pattern = sensors.patterns.Pattern(downward(100).directions, origins=downward(100).origins, max_range=2.0)
     lidar = sensors.Lidar(
-        floor(1, device), pattern, position=(0, 0, 1.9), noise=sensors.RangeNoise(constant=0.1), outputs=("ranges",)
+        floor(1, device), pattern, position=(0, 0, 1.9), noise=sensors.LidarNoise(constant=0.1), outputs=("ranges",)
     )
     ranges = host(lidar.read())["ranges"]
     assert abs(np.isinf(ranges).mean() - 0.158655) < 0.02 and ranges[np.isfinite(ranges)].max() <= 2.0
 
 
-NOISE = {"noise": sensors.RangeNoise(constant=0.05), "dropout": sensors.Dropout(rate=0.3)}
+NOISE = {"noise": sensors.LidarNoise(constant=0.05), "dropout": sensors.LidarDropout(rate=0.3)}
 
 
 def test_a_world_measures_the_same_among_others(device: wp.Device) -> None:
@@ -101,17 +101,17 @@ def test_a_world_measures_the_same_among_others(device: wp.Device) -> None:
 def test_parameters_are_written_in_place(device: wp.Device) -> None:
     place = wp.device_to_torch(device)
     bias = torch.tensor([0.0, 0.5], device=place)
-    lidar = lidar_at(np.full(2, 2.0), device, 20, noise=sensors.RangeNoise(bias=bias))
+    lidar = lidar_at(np.full(2, 2.0), device, 20, noise=sensors.LidarNoise(bias=bias))
     assert np.allclose(host(lidar.read())["ranges"].mean(axis=(1, 2)), (2.0, 2.5))
     bias[0] = 0.25
-    lidar.parameters.range_noise_resolution[:] = 0.75
+    lidar.parameters.noise_resolution[:] = 0.75
     lidar.parameters.dropout_rate[1] = 1.0
     ranges = host(lidar.read())["ranges"]
     assert (ranges[0] == 2.25).all() and np.isinf(ranges[1]).all()
-    lidar.parameters.range_noise_resolution[:] = 0.0
+    lidar.parameters.noise_resolution[:] = 0.0
     lidar.parameters.dropout_rate[:] = 0.0
-    wc.randomize(lidar.parameters, seed=3, range_noise_bias=(1.0, 2.0))
-    drawn = lidar.parameters.range_noise_bias.cpu().numpy()
+    wc.randomize(lidar.parameters, seed=3, noise_bias=(1.0, 2.0))
+    drawn = lidar.parameters.noise_bias.cpu().numpy()
     assert (drawn >= 1.0).all() and (drawn <= 2.0).all() and drawn[0] != drawn[1]
     np.testing.assert_allclose(host(lidar.read())["ranges"][:, 3, 3], 2.0 + drawn, rtol=1e-6)
     with pytest.raises(wc.WarpcamError, match=r"dropout_rate: values must be from 0 to 1"):

@@ -124,7 +124,7 @@ def test_reads_compile_and_allocate_nothing(
         patterns.spinning([-10.0, -20.0], columns=16),
         position=(0, 0, 1),
         sweep=sweep,
-        noise=sensors.RangeNoise(constant=0.01),
+        noise=sensors.LidarNoise(constant=0.01),
     )
     loads.clear()
     slot = "current_allocator" if device.is_cuda else "default_allocator"

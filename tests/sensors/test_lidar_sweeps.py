@@ -187,7 +187,7 @@ def test_echoes_of_tables_and_on_the_way(device: wp.Device, tmp_path: Path) -> N
 
 def test_echoes_have_noise_of_their_own(device: wp.Device) -> None:
     scene, pattern = edge(device, rows=200)
-    settings = {"divergence": 0.5, "echo_gap": 0.3, "position": (0, -0.001, 0), "noise": sensors.RangeNoise(0.01)}
+    settings = {"divergence": 0.5, "echo_gap": 0.3, "position": (0, -0.001, 0), "noise": sensors.LidarNoise(0.01)}
     lidar = sensors.Lidar(scene, pattern, echoes=2, outputs=("ranges",), **settings)
     ranges = host(lidar.read())["ranges"][0, :, 1].astype(np.float64)
     np.testing.assert_allclose(ranges.std(axis=0), 0.01, rtol=0.2)

@@ -109,6 +109,16 @@ def test_a_camera_of_the_scene_is_shown_within_borders(viewer: Viewer, camera: s
         assert not shown.any()
 
 
+@pytest.mark.parametrize("camera", ["free", "above"])
+def test_a_sensor_of_choice_measures(viewer: Viewer, camera: str) -> None:
+    truth = viewer.picture(ViewSelection("depth", camera, 0), eye(1.5))
+    measured = viewer.picture(ViewSelection("depth", camera, 0, "kinect_v1"), eye(1.5))
+    again = viewer.picture(ViewSelection("depth", camera, 0, "kinect_v1"), eye(1.5))
+    assert (truth != measured).any(-1).mean() > 0.05
+    assert (again != measured).any(-1).mean() > 0.05  # another frame
+    assert (viewer.picture(ViewSelection("depth", camera, 0), eye(1.5)) == truth).all()
+
+
 def test_only_what_has_changed_is_drawn(viewer: Viewer, simulated: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     mjm, (state, _) = simulated
     sent: dict[int, list[np.ndarray]] = {0: [], 1: []}

@@ -47,12 +47,14 @@ class Effect:
         reads: Outputs of the camera that it needs beside the image that it changes.
         in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
+        needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
     """
 
     kind: ClassVar[Kind]
     reads: ClassVar[tuple[str, ...]] = ()
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
+    needs_pinhole: ClassVar[bool] = False
 
     def check(self, where: str) -> None:
         """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""
@@ -135,7 +137,7 @@ def parameter_array(
     return wp.array(numbers, dtype=wp.float32, device=device)
 
 
-def names_of(effects: Sequence[object]) -> list[str]:
+def names_of(effects: Sequence[Effect]) -> list[str]:
     """Names of effects in an attribute: that of the class in small letters, numbered from the second of a class on."""
     names: list[str] = []
     for effect in effects:

@@ -17,9 +17,9 @@ from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import bind_launch
 from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
-from warpcam.sensors.effect import names_of, parameter_array, parameters_of
+from warpcam.sensors.effect import parameter_array, parameters_of
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
-from warpcam.sensors.lidar_noise import Dropout, RangeNoise
+from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
 from warpcam.sensors.patterns.pattern import Pattern
 from warpcam.sensors.scan_lens import ScanLens, parallel_lens, spread_rays
 from warpcam.sensors.scan_renderer import CAMERA, ScanRenderer, ScanSetup, reach_of
@@ -103,7 +103,7 @@ class Lidar:
         scan: What was reported last, by output; the same tensors at each read.
         parameters: Tensors (world, ...) that may be written in place and that ``warpcam.randomize`` draws:
             ``position``, ``rotation``, ``min_range``, ``max_range``, and those of ``noise`` and ``dropout``, named like
-            ``range_noise_bias`` and ``dropout_rate``.
+            ``noise_bias`` and ``dropout_rate``.
         renderer: Renderer of the rays; its images are the truth.
         memory: What was allocated for it all, images of the rays and returns; its poses and parameters aside.
 
@@ -124,8 +124,8 @@ class Lidar:
         frame: Frame = "sensor",
         miss: float = math.inf,
         intensity: Intensity = "reflectivity",
-        noise: RangeNoise | None = None,
-        dropout: Dropout | None = None,
+        noise: LidarNoise | None = None,
+        dropout: LidarDropout | None = None,
         echoes: int = 1,
         divergence: float | None = None,
         echo_gap: float | None = None,
@@ -174,8 +174,8 @@ class Lidar:
         near = per_world(pattern.min_range, "Lidar: min_range", self._num_worlds, ())
         arrays = {"min_range": wp.array(near, dtype=wp.float32, device=self._device)}
         limits = {"min_range": (0.0, math.inf), "max_range": (0.0, math.inf)}
-        models = [_noise("noise", noise, RangeNoise), _noise("dropout", dropout, Dropout)]
-        for name, model in zip(names_of(models), models, strict=True):
+        models = {"noise": _model("noise", noise, LidarNoise), "dropout": _model("dropout", dropout, LidarDropout)}
+        for name, model in models.items():
             for entry in parameters_of(model):
                 arrays[f"{name}_{entry.name}"] = parameter_array(model, entry, "Lidar", self._num_worlds, self._device)
                 limits[f"{name}_{entry.name}"] = (entry.metadata["low"], entry.metadata["high"])
@@ -360,8 +360,8 @@ def _check_echoes(echoes: Any, divergence: Any, gap: Any) -> int:
     return int(echoes)
 
 
-def _noise(name: str, given: Any, kind: type) -> Any:
-    """The noise that was given, or none at all."""
+def _model(name: str, given: Any, kind: type) -> Any:
+    """The model that was given, or that of nothing."""
     if given is not None and not isinstance(given, kind):
         raise WarpcamError(f"Lidar: {name} must be sensors.{kind.__name__} or None, got {given!r}")
     return kind() if given is None else given

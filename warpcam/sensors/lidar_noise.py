@@ -7,7 +7,7 @@ from warpcam.sensors.effect import parameter
 
 
 @dataclass(frozen=True, eq=False)
-class RangeNoise:
+class LidarNoise:
     """Noise of ranges: r becomes r + bias + sigma(r) n, with n of a normal distribution, rounded to the resolution.
 
     sigma(r) = constant + linear r + quadratic r^2, at least 0, as ``apply_noise`` of aerial_gym_simulator 2.0.1 has it.
@@ -33,13 +33,13 @@ class RangeNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Dropout:
+class LidarDropout:
     """Returns that are lost, as CARLA's ray-cast lidar loses them (``RayCastLidar.cpp``).
 
     A ray is lost with the probability ``rate``. Of the others, light I = exp(-attenuation r) comes back of the range r
     [m]. Above ``intensity_limit`` it is seen; below, the probability is 1 - zero_intensity + zero_intensity I /
     intensity_limit. CARLA's own values are rate 0.45, intensity_limit 0.8, zero_intensity 0.4 and attenuation 0.004:
-    ``Dropout.carla()``.
+    ``LidarDropout.carla()``.
 
     Each is a number or has shape (world,): numpy, torch or Warp. A float32 tensor on the scene's device is read in
     place.
@@ -57,6 +57,6 @@ class Dropout:
     attenuation: Any = parameter(0.0, low=0.0)
 
     @classmethod
-    def carla(cls) -> "Dropout":
+    def carla(cls) -> "LidarDropout":
         """Return CARLA's default values: ``FLidarDescription``."""
         return cls(rate=0.45, intensity_limit=0.8, zero_intensity=0.4, attenuation=0.004)

@@ -4,7 +4,7 @@ import argparse
 import re
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -15,12 +15,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import warpcam
-from warpcam import visualize
+from warpcam import sensors, visualize
 from warpcam.accel import tree_cache
 from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import doctor
@@ -67,6 +68,12 @@ def _parser() -> argparse.ArgumentParser:
         help="cameras of the scene, by name or index (default: all, or a free one if there is none)",
     )
     render.add_argument("--outputs", default="rgb,depth", help="separated by commas (default: %(default)s)")
+    render.add_argument(
+        "--sensor",
+        choices=tuple(CAMERA_MODELS),
+        metavar="NAME",
+        help=f"measure depth as this camera does: {', '.join(CAMERA_MODELS)} (default: the truth)",
+    )
     render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
     about = "look around in a scene, in a browser; MuJoCo simulates what it has read"
@@ -179,24 +186,32 @@ def _render(options: argparse.Namespace) -> int:
             put = batch_file.load(path, num_worlds=options.worlds, seed=options.seed, device=device)
             progress.update(steps, description="building and compiling", advance=1)
             scene, host = warpcam.from_mujoco_warp(put.host, put.model, put.data), put.host
+        model = CAMERA_MODELS[options.sensor]() if options.sensor else None
+        drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
         cameras = [
-            warpcam.Camera(name, width=width, height=height, outputs=outputs, shadows=True, **pose)
+            warpcam.Camera(name, width=width, height=height, outputs=drawn, shadows=True, **pose)
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
         renderer = warpcam.Renderer(scene, cameras)
+        rig = (
+            None
+            if model is None
+            else sensors.Rig(renderer, {camera.name: model for camera in cameras}, seed=options.seed)
+        )
+        look = renderer.render if rig is None else rig.read
         progress.update(steps, description="first frame", advance=1)
-        images = renderer.render()
+        images = look()
         wp.synchronize_device(device)
         progress.update(steps, description="rendering", advance=1)
-        rate = _frames_per_second(renderer, len(cameras) * options.worlds, device)
+        rate = _frames_per_second(look, len(cameras) * options.worlds, device)
         if put is not None and any(name.startswith("flow") for name in outputs):  # something has to move
             batch_file.move(put, seed=options.seed + 1)
-            renderer.render()
+            look()
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []
         for name, by_output in zip(_file_names(images), images.values(), strict=True):
-            for output, tensor in by_output.items():
-                saved.append(_save(options.out, name, output, tensor.cpu().numpy()))
+            for output in outputs:
+                saved.append(_save(options.out, name, output, by_output[output].cpu().numpy()))
                 progress.advance(steps)
     for path in saved:
         print(path)
@@ -238,11 +253,11 @@ def _cameras(names: list[str] | None, scene: Any, host: Any, aspect: float) -> d
     return keys
 
 
-def _frames_per_second(renderer: Any, frames: int, device: wp.Device) -> float:
+def _frames_per_second(look: Callable[[], Any], frames: int, device: wp.Device) -> float:
     """Images per second once the first frame is done, the time of the device included."""
     start, count = time.perf_counter(), 0
     while time.perf_counter() - start < TIMING and count < 100:
-        renderer.render()
+        look()
         wp.synchronize_device(device)
         count += 1
     return frames * count / (time.perf_counter() - start)

@@ -32,11 +32,11 @@ class ScanParams:
 
     min_range: wp.array(dtype=wp.float32)  # [m]
     max_range: wp.array(dtype=wp.float32)  # [m]
-    range_noise_constant: wp.array(dtype=wp.float32)  # [m]
-    range_noise_linear: wp.array(dtype=wp.float32)
-    range_noise_quadratic: wp.array(dtype=wp.float32)  # [1 / m]
-    range_noise_bias: wp.array(dtype=wp.float32)  # [m]
-    range_noise_resolution: wp.array(dtype=wp.float32)  # [m]; 0: none
+    noise_constant: wp.array(dtype=wp.float32)  # [m]
+    noise_linear: wp.array(dtype=wp.float32)
+    noise_quadratic: wp.array(dtype=wp.float32)  # [1 / m]
+    noise_bias: wp.array(dtype=wp.float32)  # [m]
+    noise_resolution: wp.array(dtype=wp.float32)  # [m]; 0: none
     dropout_rate: wp.array(dtype=wp.float32)
     dropout_intensity_limit: wp.array(dtype=wp.float32)
     dropout_zero_intensity: wp.array(dtype=wp.float32)
@@ -119,11 +119,11 @@ def measure(
         return
     near = params.min_range[world]
     far = params.max_range[world]
-    constant = params.range_noise_constant[world]
-    linear = params.range_noise_linear[world]
-    quadratic = params.range_noise_quadratic[world]
-    bias = params.range_noise_bias[world]
-    step = params.range_noise_resolution[world]
+    constant = params.noise_constant[world]
+    linear = params.noise_linear[world]
+    quadratic = params.noise_quadratic[world]
+    bias = params.noise_bias[world]
+    step = params.noise_resolution[world]
     rate = params.dropout_rate[world]
     limit = params.dropout_intensity_limit[world]
     zero = params.dropout_zero_intensity[world]
