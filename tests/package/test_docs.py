@@ -144,6 +144,15 @@ def sensors() -> Names:
     return {"model": model, "state": model.state(), "num_views": 1, "camera_transforms": poses}
 
 
+def timed() -> Names:
+    names = looked_at("rgb", "depth", "flow", "flow_valid")
+
+    def step() -> None:
+        names["d"].time.assign(names["d"].time.numpy() + 0.01)
+
+    return {**names, "step": step}
+
+
 def vector_env() -> Names:
     gymnasium = pytest.importorskip("gymnasium")
     names = simulated()
@@ -197,6 +206,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
+    "docs/sensors_time.md": timed,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,

@@ -3,5 +3,6 @@
 from warpcam.sensors.depth.range_limits import DepthRange
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.rig import Rig
+from warpcam.sensors.timing.delivery import Deliveries, Delivery
 
-__all__ = ["DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]
+__all__ = ["Deliveries", "Delivery", "DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]
