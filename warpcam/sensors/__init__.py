@@ -3,6 +3,19 @@
 from warpcam.sensors.depth.range_limits import DepthRange
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.rig import Rig
+from warpcam.sensors.timing.accumulation import Accumulation
 from warpcam.sensors.timing.delivery import Deliveries, Delivery
+from warpcam.sensors.timing.shutter import MotionBlur, RollingShutter
 
-__all__ = ["Deliveries", "Delivery", "DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]
+__all__ = [
+    "Accumulation",
+    "Deliveries",
+    "Delivery",
+    "DepthRange",
+    "Effect",
+    "EffectFrame",
+    "MotionBlur",
+    "Rig",
+    "RollingShutter",
+    "parameter",
+]
