@@ -159,6 +159,12 @@ def surface_from(motion: Motion, world: wp.int32, place: wp.vec2, lag: wp.float3
 
 
 @wp.func
+def is_other_guess(flow: wp.vec2, known: wp.vec2, lag: wp.float32) -> wp.bool:
+    """True if two guesses begin more than half a pixel apart."""
+    return lag * lag * wp.length_sq(flow - known) > 0.25
+
+
+@wp.func
 def place_before(motion: Motion, world: wp.int32, row: wp.int32, column: wp.int32, lag: wp.float32) -> Place:
     """Where a pixel's surface at an earlier moment is seen: in this frame, or in the one before if it is hidden now."""
     here = wp.vec2(wp.float32(column), wp.float32(row))
@@ -173,17 +179,23 @@ def place_before(motion: Motion, world: wp.int32, row: wp.int32, column: wp.int3
         return result
     least = wp.float32(wp.inf)
     is_found = wp.bool(False)
+    longest = wp.vec2(both[0], both[1])
+    nearest = wp.vec2(both[2], both[3])
     for k in range(3):
         flow = own
+        is_new = wp.bool(True)
         if k == 1:
-            flow = wp.vec2(both[0], both[1])
+            flow = longest
+            is_new = is_other_guess(flow, own, lag)
         if k == 2:
-            flow = wp.vec2(both[2], both[3])
-        surface = surface_from(motion, world, here, lag, flow)
-        if not wp.isnan(surface[2]) and (not is_found or surface[2] < least):
-            is_found = True
-            least = surface[2]
-            result.pixel = wp.vec2(surface[0], surface[1])
+            flow = nearest
+            is_new = is_other_guess(flow, own, lag) and is_other_guess(flow, longest, lag)
+        if is_new:
+            surface = surface_from(motion, world, here, lag, flow)
+            if not wp.isnan(surface[2]) and (not is_found or surface[2] < least):
+                is_found = True
+                least = surface[2]
+                result.pixel = wp.vec2(surface[0], surface[1])
     if is_found:
         return result
     # Hidden now, or outside of the image: behind what is here or where that was.
