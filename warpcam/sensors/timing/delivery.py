@@ -80,7 +80,7 @@ class Delivery(Effect):
 
 @dataclass(frozen=True, eq=False)
 class Deliveries:
-    """State of a camera's delivery, tensors (world,) on the scene's device.
+    """State of a camera's delivery, tensors (world,) on the scene's device. Resets leave the counts as they are.
 
     Attributes:
         age: float32: time since the frame that is shown was captured, at the world's last read [s].
