@@ -152,6 +152,8 @@ def test_a_reset_shows_the_next_frame_at_once(device: wp.Device) -> None:
     rising.read(np.array([0.51, 0.51, 0.0]))  # the simulator has put its clock back
     assert [rising.shown(world) for world in range(3)] == [4, 8, 10]
     np.testing.assert_allclose(rising.images["frame_age"].cpu(), (0.31, 0.1, 0.0), atol=1e-5)
+    rising.read(np.array([0.56, 0.56, 0.56]))  # frames that were under way before are lost
+    assert rising.shown(2) == 10
 
 
 def test_worlds_that_are_not_read_stay_as_they_are(device: wp.Device) -> None:
