@@ -10,6 +10,7 @@ wp.set_module_options(compiler_flags())
 DOWN, UP, RIGHT, LEFT = 0, 1, 2, 3
 REACH = 4  # tiles around a tile in which motion towards it is looked for
 STEPS = 3  # of the iteration that finds a surface from where it was
+CONVERGED = 0.02  # step of it after which it ends [pixels]
 TOLERANCE = 0.75  # of its end [pixels]
 SAME_SURFACE = 0.1  # depths that differ by less of themselves are of one surface
 
@@ -148,7 +149,7 @@ def surface_from(motion: Motion, world: wp.int32, place: wp.vec2, lag: wp.float3
     depth = wp.float32(wp.nan)
     for _step in range(STEPS):
         pixel = pixel_at(motion, now)
-        if pixel >= 0:
+        if pixel >= 0 and error > CONVERGED:
             then = place + lag * motion.flow[world, pixel]
             error = wp.length(then - now)
             now = then
