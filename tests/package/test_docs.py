@@ -104,6 +104,11 @@ def scenes() -> Names:
     return looked_at("segmentation")
 
 
+def point_clouds() -> Names:
+    pytest.importorskip("trimesh")
+    return looked_at()
+
+
 def viewer() -> Names:
     pytest.importorskip("viser")
     return {**looked_at(), "step": lambda: None}
@@ -207,6 +212,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
     "docs/sensors_time.md": timed,
+    "docs/sensors_point_clouds.md": point_clouds,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
