@@ -95,6 +95,24 @@ def test_all_outputs_are_of_one_frame_and_in_memory_of_the_rig(device: wp.Device
     assert rising.rig.deliveries("eye").age.data_ptr() == pointers["frame_age"]
 
 
+def test_point_clouds_are_of_the_frame_that_has_arrived(device: wp.Device) -> None:
+    rising = Rising(device, sensors.Delivery(latency=0.02), outputs=("depth", "points"))
+    with pytest.raises(wc.WarpcamError, match="its images arrive late: positions must be"):
+        sensors.PointClouds(rising.rig)
+    clouds = {
+        name: sensors.PointClouds(rising.rig, positions=name, num_points=480, method="first", padding="zeros")
+        for name in ("points", "depth")
+    }
+    for k in range(5):
+        rising.read(0.01 * k)
+    heights = {name: each.read()["points"][..., 2].cpu().numpy() for name, each in clouds.items()}
+    np.testing.assert_allclose(heights["depth"] - heights["points"], 0.2 * (heights["points"] != 0.0), atol=1e-4)
+    truth = rising.truths[2]["points"].reshape(3, -1, 3)
+    assert (
+        np.abs(heights["points"].max(axis=1) - np.where(np.isfinite(truth), truth, -9)[..., 2].max(axis=1)).max() < 1e-5
+    )
+
+
 def test_times_are_those_of_the_simulation_where_it_keeps_them(device: wp.Device) -> None:
     rising = Rising(device, sensors.Delivery(latency=0.05), num_worlds=2)
     clock = wp.to_torch(rising.renderer.scene.clock())
