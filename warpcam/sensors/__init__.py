@@ -31,8 +31,12 @@ from warpcam.sensors.depth_cameras import (
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.point_clouds import PointClouds
 from warpcam.sensors.rig import Rig
+from warpcam.sensors.timing.accumulation import Accumulation
+from warpcam.sensors.timing.delivery import Deliveries, Delivery
+from warpcam.sensors.timing.shutter import MotionBlur, RollingShutter
 
 __all__ = [
+    "Accumulation",
     "AxialNoise",
     "AzureKinectNoise",
     "BayerMosaic",
@@ -41,6 +45,8 @@ __all__ = [
     "ChromaticAberration",
     "DarkDropout",
     "DeadPixels",
+    "Deliveries",
+    "Delivery",
     "DepthBias",
     "DepthDrift",
     "DepthFixedPattern",
@@ -61,6 +67,7 @@ __all__ = [
     "JpegArtifacts",
     "LateralNoise",
     "MatchingWindow",
+    "MotionBlur",
     "NaturalVignetting",
     "PointClouds",
     "PolynomialNoise",
@@ -71,6 +78,7 @@ __all__ = [
     "ReadNoise",
     "ResponseCurve",
     "Rig",
+    "RollingShutter",
     "Sharpening",
     "ShiftedLookup",
     "ShotNoise",
