@@ -149,6 +149,15 @@ def sensors() -> Names:
     return {"model": model, "state": model.state(), "num_views": 1, "camera_transforms": poses}
 
 
+def timed() -> Names:
+    names = looked_at("rgb", "depth", "flow", "flow_valid")
+
+    def step() -> None:
+        names["d"].time.assign(names["d"].time.numpy() + 0.01)
+
+    return {**names, "step": step}
+
+
 def vector_env() -> Names:
     gymnasium = pytest.importorskip("gymnasium")
     names = simulated()
@@ -203,6 +212,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
     "docs/sensors_lidar.md": looked_at,
+    "docs/sensors_time.md": timed,
     "docs/sensors_point_clouds.md": point_clouds,
     "docs/sensors_color.md": memory,
     "docs/sensors_depth.md": simulated,

@@ -34,8 +34,12 @@ from warpcam.sensors.lidar import Lidar
 from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
 from warpcam.sensors.point_clouds import PointClouds
 from warpcam.sensors.rig import Rig
+from warpcam.sensors.timing.accumulation import Accumulation
+from warpcam.sensors.timing.delivery import Deliveries, Delivery
+from warpcam.sensors.timing.shutter import MotionBlur, RollingShutter
 
 __all__ = [
+    "Accumulation",
     "AxialNoise",
     "AzureKinectNoise",
     "BayerMosaic",
@@ -44,6 +48,8 @@ __all__ = [
     "ChromaticAberration",
     "DarkDropout",
     "DeadPixels",
+    "Deliveries",
+    "Delivery",
     "DepthBias",
     "DepthDrift",
     "DepthFixedPattern",
@@ -67,6 +73,7 @@ __all__ = [
     "LidarDropout",
     "LidarNoise",
     "MatchingWindow",
+    "MotionBlur",
     "NaturalVignetting",
     "PointClouds",
     "PolynomialNoise",
@@ -77,6 +84,7 @@ __all__ = [
     "ReadNoise",
     "ResponseCurve",
     "Rig",
+    "RollingShutter",
     "Sharpening",
     "ShiftedLookup",
     "ShotNoise",

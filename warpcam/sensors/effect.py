@@ -16,7 +16,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.kernels.random import Randomness
 
-Kind = Literal["depth", "linear", "display"]
+Kind = Literal["depth", "linear", "display", "delivery"]
 
 
 def parameter(
@@ -43,11 +43,13 @@ class Effect:
 
     Attributes:
         kind: Image that it changes: "depth" [m]; "linear", colours in linear light, white is 1; "display", colours as
-            a display takes them, from 0 to 1. Effects on linear light come before those on display colours.
+            a display takes them, from 0 to 1; "delivery", all images, after all other effects. Effects on linear light
+            come before those on display colours.
         reads: Outputs of the camera that it needs beside the image that it changes.
         in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
+        timed: It needs the simulation's time.
     """
 
     kind: ClassVar[Kind]
@@ -55,6 +57,7 @@ class Effect:
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
+    timed: ClassVar[bool] = False
 
     def check(self, where: str) -> None:
         """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""
@@ -73,6 +76,8 @@ class EffectFrame:
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
         truth: Outputs of the renderer by name, (world, height, width, channels).
         views: (world,) ``View``: pose and lens as the trace had them.
+        times: (world,) float32: the simulation's time [s]; NaN where it keeps none.
+        elapsed: (world,) float32: time since the frame of the world before [s]; NaN where it is not known.
         mask: (world,) uint8; worlds with 0 are left alone.
         params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
         randomness: Random numbers of this effect.
@@ -87,6 +92,8 @@ class EffectFrame:
     target: wp.array
     truth: Mapping[str, wp.array]
     views: wp.array
+    times: wp.array
+    elapsed: wp.array
     mask: wp.array
     params: SimpleNamespace
     randomness: Randomness

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
 
 import warp as wp
 
@@ -16,6 +15,9 @@ from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
+from warpcam.sensors.memory import shared
+from warpcam.sensors.timing.clock import Clock
+from warpcam.sensors.timing.delivery import DeliveredImages, Delivery
 
 Images = Mapping[str, wp.array]
 BindStep = Callable[[wp.array, wp.array, Images, range, wp.array], Sequence[Stage]]
@@ -41,8 +43,10 @@ class Measurement:
     """What one camera measures.
 
     Attributes:
-        images: Tensors of the outputs that effects change.
+        images: Tensors of the outputs that effects change; all outputs and ``frame_age`` of a camera with a delivery.
         parameters: Of the effects.
+        deliveries: State of the delivery, None without one.
+        timed: Name of an effect that needs the simulation's time, or "".
         width: Of the images [pixels].
         height: Of the images [pixels].
     """
@@ -55,9 +59,10 @@ class Measurement:
         *,
         first_stream: int,
         randomness: Callable[[int, range], Randomness],
+        clock: Clock,
     ):
         self._renderer, self._camera, self._effects = renderer, camera, list(effects)
-        self._first_stream, self._randomness = first_stream, randomness
+        self._first_stream, self._randomness, self._clock = first_stream, randomness, clock
         if camera not in tuple(renderer.images):
             known = ", ".join(map(repr, renderer.images))
             raise WarpcamError(f"Rig: camera {camera!r} came, the renderer draws {known}")
@@ -66,6 +71,7 @@ class Measurement:
         self._num_worlds, self.height, self.width = some.shape[:3]
         self._device = some.device
         self._check()
+        self.timed = next((type(effect).__name__ for effect in self._effects if effect.timed), "")
         self._names = names_of(self._effects)
         self._arrays = [
             {
@@ -79,7 +85,12 @@ class Measurement:
         self._chains = [chain for chain in (self._depth_steps(), self._color_steps()) if chain]
         self._buffers = [self._make_buffers(chain) for chain in self._chains]
         self._measured = self._make_images()
-        self.images = {name: torch_interop.to_torch(array) for name, array in self._measured.items()}
+        self._delivered = self._make_delivery()
+        shown = self._delivered.images if self._delivered else self._measured
+        self.images = {name: torch_interop.to_torch(array) for name, array in shown.items()}
+        self.deliveries = self._delivered.status if self._delivered else None
+        if self.deliveries is not None:
+            self.images["frame_age"] = self.deliveries.age
 
     def bind(self, worlds: range, mask: wp.array) -> list[Stage]:
         """Bind the stages that measure some worlds."""
@@ -98,6 +109,10 @@ class Measurement:
                 shown, target = _as_rows(truth[name]), _as_rows(self._measured[name][within])
                 inputs = [mask, int(self._ends_linear), self._buffers[-1][0][within], shown, target]
                 stages.append(bind_launch(kernels.store_colors, pixels, inputs, self._device))
+        if self._delivered:
+            none = wp.empty(0, dtype=wp.float32, device=self._device)
+            frame = self._frame(len(self._effects) - 1, none, none, truth, worlds, mask)
+            stages += self._delivered.bind(frame)
         return stages
 
     def bind_reset(self, mask: wp.array) -> list[Stage]:
@@ -122,6 +137,10 @@ class Measurement:
             if not isinstance(effect, Effect):
                 raise WarpcamError(f"{self._where}: effects of warpcam.sensors are allowed, got {effect!r}")
             effect.check(f"{self._where}: {name}")
+            if effect.kind == "delivery":
+                if effect is not self._effects[-1]:
+                    raise WarpcamError(f"{self._where}: {name} delivers all images and must be the last effect")
+                continue
             wanted = ["depth"] if effect.kind == "depth" else []
             missing = [output for output in (*wanted, *effect.reads) if output not in self._truth]
             if effect.kind != "depth" and not {"rgb", "rgba"} & set(self._truth):
@@ -161,7 +180,7 @@ class Measurement:
 
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
-        colors = [number for number, effect in enumerate(self._effects) if effect.kind != "depth"]
+        colors = [number for number, effect in enumerate(self._effects) if effect.kind in GRADES]
         self._ends_linear = True
         if not colors:
             return []
@@ -183,24 +202,30 @@ class Measurement:
         effect = self._effects[number]
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
-            within = slice(worlds.start, worlds.stop)
-            frame = EffectFrame(
-                source=source,
-                target=target,
-                truth=truth,
-                views=self._renderer.views(self._camera)[within],
-                mask=mask,
-                params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
-                randomness=self._randomness(self._first_stream + number, worlds),
-                width=self.width,
-                height=self.height,
-                device=self._device,
-                memory=self._memories.setdefault((number, worlds), {}),
-                worlds=worlds,
-            )
-            return effect.bind(frame)
+            return effect.bind(self._frame(number, source, target, truth, worlds, mask))
 
         return Step(source, effect.in_place, bind)
+
+    def _frame(
+        self, number: int, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
+    ) -> EffectFrame:
+        within = slice(worlds.start, worlds.stop)
+        return EffectFrame(
+            source=source,
+            target=target,
+            truth=truth,
+            views=self._renderer.views(self._camera)[within],
+            times=self._clock.times[within],
+            elapsed=self._clock.elapsed[within],
+            mask=mask,
+            params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
+            randomness=self._randomness(self._first_stream + number, worlds),
+            width=self.width,
+            height=self.height,
+            device=self._device,
+            memory=self._memories.setdefault((number, worlds), {}),
+            worlds=worlds,
+        )
 
     def _bind_curve(self, kernel: wp.Kernel) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
@@ -220,10 +245,16 @@ class Measurement:
         measured = {}
         for steps, (final, *_) in zip(self._chains, self._buffers, strict=True):
             if steps[0].source == "depth":
-                measured["depth"] = _shared(final, (self._num_worlds, self.height, self.width, 1), wp.float32)
+                measured["depth"] = shared(final, (self._num_worlds, self.height, self.width, 1), wp.float32)
             else:
                 measured |= {name: wp.zeros_like(self._truth[name]) for name in ("rgb", "rgba") if name in self._truth}
         return measured
+
+    def _make_delivery(self) -> DeliveredImages | None:
+        """The delivery of all outputs, measured where effects change them."""
+        if not self._effects or not isinstance(self._effects[-1], Delivery):
+            return None
+        return DeliveredImages(self._effects[-1], self._arrays[-1], {**self._truth, **self._measured}, self._where)
 
 
 def _places(steps: Sequence[Step]) -> list[int]:
@@ -240,11 +271,4 @@ def _as_rows(image: wp.array) -> wp.array:
     worlds, height, width, channels = image.shape
     if image.dtype is wp.uint8:
         return image.reshape((worlds, height * width, channels))
-    return _shared(image, (worlds, height * width), wp.vec3 if channels == 3 else wp.float32)
-
-
-def _shared(array: wp.array, shape: tuple[int, ...], dtype: Any) -> wp.array:
-    """The array's memory, which is contiguous, in another shape and type."""
-    other = wp.array(ptr=array.ptr, shape=shape, dtype=dtype, device=array.device)
-    other._ref = array  # keeps the memory
-    return other
+    return shared(image, (worlds, height * width), wp.vec3 if channels == 3 else wp.float32)

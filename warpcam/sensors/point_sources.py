@@ -110,10 +110,17 @@ def of_camera(
     if positions is not None and positions not in get_args(Positions):
         raise WarpcamError(f'{where}: positions must be "points", "depth" or None, got {positions!r}')
     own: dict[str, wp.array] = dict(drawn.images)
-    for name, value in ({} if images is None else images).items():
+    others = dict({} if images is None else images)
+    late = others.pop("frame_age", None) is not None
+    for name, value in others.items():
         own[name] = _as_image(value, name, own, drawn, f"{here}: images: {name}")
     measured = [name for name, image in own.items() if name not in drawn.images or image.ptr != drawn.images[name].ptr]
     preferred = ("depth",) if "depth" in measured and "points" not in measured else get_args(Positions)
+    if late and positions is None and set(get_args(Positions)) <= set(own):
+        raise WarpcamError(
+            f'{here}: its images arrive late: positions must be "points", true ones of when they were captured, or '
+            '"depth", as it was measured, seen from the pose of now'
+        )
     chosen = positions or next((name for name in preferred if name in own), None)
     if chosen not in own:
         wanted = repr(chosen) if chosen else "'points' or 'depth'"

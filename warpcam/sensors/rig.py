@@ -18,6 +18,8 @@ from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.measurement import Measurement
 from warpcam.sensors.seeds import seeds_of
+from warpcam.sensors.timing.clock import Clock
+from warpcam.sensors.timing.delivery import Deliveries
 
 # A launch has fewer threads than this.
 MAX_THREADS = 2**31
@@ -38,7 +40,8 @@ class Rig:
     Attributes:
         renderer: The renderer; ``renderer.images`` is the truth.
         images: What was measured last, by camera and output: as ``Renderer.images``, and the same tensors in every
-            frame. Outputs that no effect changes are the renderer's own.
+            frame. Outputs that no effect changes are the renderer's own. A camera with a ``Delivery`` has tensors of
+            its own for all outputs, and "frame_age" beside them: float32, (world,), age of the frame shown [s].
         frames: int32 tensor, (world,): how many frames of each world have been measured.
 
     Raises:
@@ -54,6 +57,7 @@ class Rig:
         torch_interop.require_no_capture(device, "Rig")
         self._device, self._num_worlds = device, renderer.scene.num_worlds
         self._seeds = seeds_of(seed, "Rig", self._num_worlds, device)
+        self._clock = Clock(renderer)
         self._frames = wp.zeros(self._num_worlds, dtype=wp.int32, device=device)
         self.frames = torch_interop.to_torch(self._frames)
         self._graphs: list[wp.Graph] = []
@@ -62,7 +66,12 @@ class Rig:
         self._measurements: dict[str | int, Measurement] = {}
         for number, (camera, effects) in enumerate(sensors.items()):
             self._measurements[camera] = Measurement(
-                renderer, camera, effects, first_stream=number << 16, randomness=self._randomness
+                renderer,
+                camera,
+                effects,
+                first_stream=number << 16,
+                randomness=self._randomness,
+                clock=self._clock,
             )
         self.images: Images = {
             camera: {**images, **(self._measurements[camera].images if camera in self._measurements else {})}
@@ -70,7 +79,7 @@ class Rig:
         }
         mask = renderer.drawn
         count = bind_launch(kernels.count_frames, self._num_worlds, [mask, self._frames], device)
-        self._stages: list[Stage] = [count]
+        self._stages: list[Stage] = [count, self._clock.bind(mask)]
         for worlds in self._groups():
             for measurement in self._measurements.values():
                 self._stages += measurement.bind(worlds, mask[worlds.start : worlds.stop])
@@ -80,7 +89,7 @@ class Rig:
         ]
         prepare(self._forget)
 
-    def read(self, worlds: Any = None, forward: bool = False) -> Images:
+    def read(self, worlds: Any = None, forward: bool = False, *, time: Any = None) -> Images:
         """Render the state as it is now, and measure it.
 
         On CUDA the work is queued as that of ``Renderer.render`` is, and may be part of a capture.
@@ -88,19 +97,27 @@ class Rig:
         Args:
             worlds: Which worlds, as ``Renderer.render`` takes them; the others' images stay. None is all.
             forward: Have the simulator compute poses from its state first.
+            time: The simulation's time [s], a number or (world,); a tensor inside a capture. None is the scene's own,
+                ``Renderer.times``. Scenes of Newton and of files keep none, and effects that need it want it given.
 
         Returns:
             ``images``.
         """
+        for camera, measurement in self._measurements.items():
+            if measurement.timed:
+                self._clock.require(time, f"{measurement.timed} of {camera!r}")
+        given = self._clock.check(time)
         self.renderer.render(worlds, forward)
         with self._lock, torch_interop.in_order(self._device) as capturing:
+            self._clock.set(given)
             self._run(capturing)
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
         """Forget what some worlds have measured, as drift; to be called when a world has jumped to another state.
 
-        Random numbers go on, so that no two episodes have the same noise. The renderer is reset, too.
+        Random numbers go on, so that no two episodes have the same noise. Frames under way are lost; the next one is
+        shown at once. The renderer is reset, too.
 
         Args:
             worlds: As ``read`` takes them.
@@ -123,6 +140,14 @@ class Rig:
             known = ", ".join(map(repr, self._measurements))
             raise WarpcamError(f"Rig: camera {camera!r} came, it measures {known}")
         return self._measurements[camera].parameters
+
+    def deliveries(self, camera: str | int) -> Deliveries:
+        """Return the age of a camera's frames, and how many were captured and lost; it must have a ``Delivery``."""
+        known = {key: found.deliveries for key, found in self._measurements.items() if found.deliveries is not None}
+        if camera not in tuple(known):
+            names = ", ".join(map(repr, known)) or "none"
+            raise WarpcamError(f"Rig: camera {camera!r} came, those with a Delivery are: {names}")
+        return known[camera]
 
     def _randomness(self, stream: int, worlds: range) -> Randomness:
         """Seeds and frame counters of some worlds, for an effect with that number."""

@@ -1,0 +1,1 @@
+"""Effects of time: when frames are taken and delivered, and what moves while they are exposed."""
