@@ -137,6 +137,18 @@ def test_points_lie_at_the_end_of_rays(device: wp.Device, frame: str) -> None:
     assert (scan["normals"][0][~hit] == 0.0).all() and (scan["intensities"][0][~hit] == 0.0).all()
 
 
+@pytest.mark.parametrize("output", ALL)
+def test_outputs_alone_are_those_of_all(device: wp.Device, output: str) -> None:
+    mjm = around()
+    scene = wc.from_mujoco(mjm, posed(mjm), device=device)
+    settings = {"parent": "base", "exclude_body": "base"}
+    pattern = patterns.spinning([-5.0, 5.0], columns=90)
+    alone = host(sensors.Lidar(scene, pattern, outputs=(output,), **settings).read())
+    assert list(alone) == [output]
+    together = host(sensors.Lidar(scene, pattern, outputs=ALL, **settings).read())
+    np.testing.assert_array_equal(alone[output], together[output])
+
+
 @pytest.mark.parametrize("alignment", ["base", "yaw", "world"])
 @pytest.mark.parametrize("pitch", [0.3, 1.55])
 def test_alignment(device: wp.Device, alignment: str, pitch: float) -> None:
@@ -264,7 +276,8 @@ def test_worlds_that_never_ran_return_nothing(device: wp.Device) -> None:
     [
         ({"pattern": "os1"}, "Lidar: pattern must be of warpcam.sensors.patterns, got 'os1'"),
         ({"parent": "wing"}, "Lidar: parent: the scene has no body 'wing'"),
-        ({"exclude_body": "wing"}, "exclude_bodies: the scene has no body 'wing'"),
+        ({"exclude_body": "wing"}, "Lidar: exclude_body: the scene has no body 'wing'"),
+        ({"exclude_body": ("base", 9)}, "Lidar: exclude_body: the scene has no body 9"),
         ({"position": (0.0, 1.0)}, r"Lidar: position must have shape \(3,\) or \(1, 3\), got \(2,\)"),
         ({"rotation": (0, 0, 0, 0)}, "Lidar: rotation must not be of length 0"),
         ({"alignment": "roll"}, "Lidar: alignment must be 'base' or 'yaw' or 'world', got 'roll'"),

@@ -169,6 +169,8 @@ class Lidar:
             far=pattern.max_range,
             exclude_bodies=exclude_body,
         )
+        for body in camera.exclude_bodies:
+            scene.body(body, "Lidar: exclude_body")
         self.memory = self._memory(estimate_memory(scene, [camera]))
         require_free(self.memory, scene.device)
         near = per_world(pattern.min_range, "Lidar: min_range", self._num_worlds, ())
