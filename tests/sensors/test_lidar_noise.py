@@ -25,11 +25,11 @@ def lidar_at(heights: np.ndarray, device: wp.Device, side: int = SIDE, **setting
 
 def test_range_noise(device: wp.Device) -> None:
     """Mean and sigma of ranges, and how many lie within one sigma, two and three."""
-    constant, linear, quadratic, bias = 0.01, -5e-4, 1.5e-4, np.array([0.0, 0.1, -0.1, 0.02])
-    noise = sensors.LidarNoise(constant=constant, linear=linear, quadratic=quadratic, bias=bias)
+    constant, linear, quadratic, offset = 0.01, -5e-4, 1.5e-4, np.array([0.0, 0.1, -0.1, 0.02])
+    noise = sensors.LidarNoise(constant=constant, linear=linear, quadratic=quadratic, offset=offset)
     ranges = host(lidar_at(HEIGHTS, device, noise=noise).read())["ranges"].reshape(4, -1).astype(np.float64)
     sigma = constant + linear * HEIGHTS + quadratic * HEIGHTS**2
-    deviations = (ranges - (HEIGHTS + bias)[:, None]) / sigma[:, None]
+    deviations = (ranges - (HEIGHTS + offset)[:, None]) / sigma[:, None]
     assert np.abs(deviations.mean(axis=1)).max() < 5.0 / SIDE
     assert np.abs(deviations.std(axis=1) - 1.0).max() < 5.0 / SIDE
     for widths, share in ((1.0, 0.682689), (2.0, 0.954500), (3.0, 0.997300)):
@@ -100,18 +100,18 @@ def test_a_world_measures_the_same_among_others(device: wp.Device) -> None:
 
 def test_parameters_are_written_in_place(device: wp.Device) -> None:
     place = wp.device_to_torch(device)
-    bias = torch.tensor([0.0, 0.5], device=place)
-    lidar = lidar_at(np.full(2, 2.0), device, 20, noise=sensors.LidarNoise(bias=bias))
+    offset = torch.tensor([0.0, 0.5], device=place)
+    lidar = lidar_at(np.full(2, 2.0), device, 20, noise=sensors.LidarNoise(offset=offset))
     assert np.allclose(host(lidar.read())["ranges"].mean(axis=(1, 2)), (2.0, 2.5))
-    bias[0] = 0.25
+    offset[0] = 0.25
     lidar.parameters.noise_resolution[:] = 0.75
     lidar.parameters.dropout_rate[1] = 1.0
     ranges = host(lidar.read())["ranges"]
     assert (ranges[0] == 2.25).all() and np.isinf(ranges[1]).all()
     lidar.parameters.noise_resolution[:] = 0.0
     lidar.parameters.dropout_rate[:] = 0.0
-    wc.randomize(lidar.parameters, seed=3, noise_bias=(1.0, 2.0))
-    drawn = lidar.parameters.noise_bias.cpu().numpy()
+    wc.randomize(lidar.parameters, seed=3, noise_offset=(1.0, 2.0))
+    drawn = lidar.parameters.noise_offset.cpu().numpy()
     assert (drawn >= 1.0).all() and (drawn <= 2.0).all() and drawn[0] != drawn[1]
     np.testing.assert_allclose(host(lidar.read())["ranges"][:, 3, 3], 2.0 + drawn, rtol=1e-6)
     with pytest.raises(wc.WarpcamError, match=r"dropout_rate: values must be from 0 to 1"):

@@ -95,7 +95,8 @@ class Lidar:
             that after a reset, is instant.
         exclude_body: A body that the sensor does not see, as its own housing, or several; name or index.
         seed: Whole number, or int32 (world,), one for each world. Random numbers follow from it, the world, how often
-            the world was read, and the ray alone, whatever the number of worlds.
+            the world was read, and the ray alone, whatever the number of worlds. Lidars with the same seed have the
+            same numbers: give each of a robot's its own.
         graph: As ``Renderer`` has it.
 
     Attributes:
@@ -103,7 +104,7 @@ class Lidar:
         scan: What was reported last, by output; the same tensors at each read.
         parameters: Tensors (world, ...) that may be written in place and that ``warpcam.randomize`` draws:
             ``position``, ``rotation``, ``min_range``, ``max_range``, and those of ``noise`` and ``dropout``, named like
-            ``noise_bias`` and ``dropout_rate``.
+            ``noise_offset`` and ``dropout_rate``.
         renderer: Renderer of the rays; its images are the truth.
         memory: What was allocated for it all, images of the rays and returns; its poses and parameters aside.
 

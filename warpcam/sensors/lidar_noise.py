@@ -8,7 +8,7 @@ from warpcam.sensors.effect import parameter
 
 @dataclass(frozen=True, eq=False)
 class LidarNoise:
-    """Noise of ranges: r becomes r + bias + sigma(r) n, with n of a normal distribution, rounded to the resolution.
+    """Noise of ranges: r becomes r + offset + sigma(r) n, with n of a normal distribution, rounded to the resolution.
 
     sigma(r) = constant + linear r + quadratic r^2, at least 0, as ``apply_noise`` of aerial_gym_simulator 2.0.1 has it.
     Its values for Ouster's OS0 are (9.619e-3, -3.172e-4, 3.362e-5), for OS1 and OS2 (5.308e-3, -4.073e-6, 3.083e-6),
@@ -21,14 +21,14 @@ class LidarNoise:
         constant: Of sigma [m].
         linear: Of sigma, for each metre of range.
         quadratic: Of sigma [1 / m].
-        bias: Added to each range [m].
+        offset: Mean error [m].
         resolution: Step of ranges, at least 0; 0 rounds nothing [m].
     """
 
     constant: Any = parameter(0.0)
     linear: Any = parameter(0.0)
     quadratic: Any = parameter(0.0)
-    bias: Any = parameter(0.0)
+    offset: Any = parameter(0.0)
     resolution: Any = parameter(0.0, low=0.0)
 
 

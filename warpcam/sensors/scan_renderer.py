@@ -18,6 +18,7 @@ from warpcam.sensors.kernels.scan_echoes import SPREAD
 
 CAMERA = "lidar"
 BLOCK_DIM = 32  # of stages with a thread for each world
+STREAM = 1 << 30  # of random numbers: rigs of the same seed have others
 # Rec. 709 luminance of display values, by channel.
 LUMINANCE = np.outer((0.2126, 0.7152, 0.0722), srgb_to_linear(np.arange(256) / 255.0)).ravel()
 CPU_RUN = 64  # returns that a thread of a CPU writes: arguments are copied for each thread
@@ -100,6 +101,7 @@ class ScanRenderer(Renderer):
                 setattr(traced, name, images[name].reshape((worlds, pixels, 3)))
         traced.luminance = self._luminance
         randomness.seeds, randomness.frames = setup.seeds, self._counters.frames
+        randomness.stream = STREAM
         setup.params.max_range = self.max_range
         stages = []
         if setup.echoes.spread:

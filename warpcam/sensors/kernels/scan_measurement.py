@@ -35,7 +35,7 @@ class ScanParams:
     noise_constant: wp.array(dtype=wp.float32)  # [m]
     noise_linear: wp.array(dtype=wp.float32)
     noise_quadratic: wp.array(dtype=wp.float32)  # [1 / m]
-    noise_bias: wp.array(dtype=wp.float32)  # [m]
+    noise_offset: wp.array(dtype=wp.float32)  # [m]
     noise_resolution: wp.array(dtype=wp.float32)  # [m]; 0: none
     dropout_rate: wp.array(dtype=wp.float32)
     dropout_intensity_limit: wp.array(dtype=wp.float32)
@@ -122,7 +122,7 @@ def measure(
     constant = params.noise_constant[world]
     linear = params.noise_linear[world]
     quadratic = params.noise_quadratic[world]
-    bias = params.noise_bias[world]
+    offset = params.noise_offset[world]
     step = params.noise_resolution[world]
     rate = params.dropout_rate[world]
     limit = params.dropout_intensity_limit[world]
@@ -156,7 +156,7 @@ def measure(
                 sigma = constant + distance * (linear + distance * quadratic)
                 measured += wp.max(sigma, 0.0) * wp.randn(state)
                 returns = not is_dropped(wp.exp(-attenuation * distance), rate, limit, zero, one, other)
-            measured += bias
+            measured += offset
             if step > 0.0:
                 measured = step * wp.round(measured / step)
             returns = returns and measured >= near and measured <= far
