@@ -7,7 +7,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.random import Randomness, world_state
 from warpcam.sensors.kernels.scan_poses import ScanPoses, pose_at
 from warpcam.sensors.kernels.scan_rays import ScanRays, direction_of, origin_of
 
@@ -129,6 +129,9 @@ def measure(
     zero = params.dropout_zero_intensity[world]
     attenuation = params.dropout_attenuation[world]
     is_random = wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero > 0.0
+    common = wp.int32(0)  # of the random numbers of the world
+    if is_random:
+        common = world_state(randomness, world, randomness.frames[world])
     for k in range(run):
         place = start * run + k
         if place >= count:
@@ -150,7 +153,7 @@ def measure(
         returns = distance >= near and distance <= far and wp.isfinite(distance)
         if returns:
             if is_random:
-                state = element_state(randomness, world, place)
+                state = wp.rand_init(common, place)
                 one = wp.randf(state)
                 other = wp.randf(state)
                 sigma = constant + distance * (linear + distance * quadratic)
