@@ -3,6 +3,7 @@
 from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
 from importlib.metadata import version as _version
 
+from warpcam.camera.calibration import Calibration, read_calibration
 from warpcam.camera.camera import Camera
 from warpcam.camera.distorted import Distorted, RadTanThinPrismFisheye, ThinPrismFisheye
 from warpcam.camera.fisheye import Fisheye, FTheta, KannalaBrandt
@@ -24,6 +25,7 @@ except _PackageNotFoundError:  # run from its sources
     __version__ = "0+unknown"
 
 __all__ = [
+    "Calibration",
     "Camera",
     "Choice",
     "Distorted",
@@ -55,4 +57,5 @@ __all__ = [
     "from_usd",
     "load",
     "randomize",
+    "read_calibration",
 ]
