@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from warpcam.camera.lens_tensors import nan_unless
+from warpcam.camera.lens_tensors import Columns, nan_unless
 
 ROUNDS = 50  # of the search for a place without distortion
 NEAR_ENOUGH = 1e-3  # pixels that it may lie aside
+ON_THE_WAY = 0.1  # pixels aside at which a part of the way is done
 FOUND = 1e-9  # pixels aside at which the search ends
 # Columns of the numbers of a distortion: six radial coefficients above the line, three below, p1, p2, s1 to s4.
 WIDTH = 15
 BELOW, TANGENTIAL, PRISM = 6, 9, 11
 
-Numbers = Sequence[torch.Tensor]  # those columns
 Place = tuple[torch.Tensor, torch.Tensor]
 
 
@@ -33,17 +33,17 @@ def distortion_numbers(
     return numbers
 
 
-def radial_numbers(numbers: Numbers) -> Numbers:
+def radial_numbers(numbers: Columns) -> Columns:
     """Return the radial part of a distortion."""
-    return [*numbers[:TANGENTIAL], *(0.0 * each for each in numbers[TANGENTIAL:])]
+    return [*numbers[:TANGENTIAL], *(0.0 for _ in numbers[TANGENTIAL:])]
 
 
-def lateral_numbers(numbers: Numbers) -> Numbers:
+def lateral_numbers(numbers: Columns) -> Columns:
     """Return the tangential part of a distortion and that of the thin prism."""
-    return [*(0.0 * each for each in numbers[:TANGENTIAL]), *numbers[TANGENTIAL:]]
+    return [*(0.0 for _ in numbers[:TANGENTIAL]), *numbers[TANGENTIAL:]]
 
 
-def distorted(u: torch.Tensor, v: torch.Tensor, numbers: Numbers) -> tuple[Place, tuple[Place, Place]]:
+def distorted(u: torch.Tensor, v: torch.Tensor, numbers: Columns) -> tuple[Place, tuple[Place, Place]]:
     """Distort places of a plane, u right and v down.
 
     With r = u^2 + v^2 the radial factor is (1 + k1 r + k2 r^2 + ...) over (1 + k4 r + k5 r^2 + k6 r^3); tangential and
@@ -52,26 +52,29 @@ def distorted(u: torch.Tensor, v: torch.Tensor, numbers: Numbers) -> tuple[Place
     Returns:
         The places, and the derivatives of each coordinate by u and by v.
     """
-    above, below = numbers[:BELOW], numbers[BELOW:TANGENTIAL]
-    p1, p2 = numbers[TANGENTIAL:PRISM]
-    s1, s2, s3, s4 = numbers[PRISM:]
-    r = u * u + v * v
-    top, top_rate = _series(r, above)
-    bottom, bottom_rate = _series(r, below)
-    bottom = torch.where(bottom.abs() < 1e-9, 1e-9, bottom)
-    radial = top / bottom
-    rate = (top_rate - radial * bottom_rate) / bottom  # over r
-    x = u * radial + 2.0 * p1 * u * v + p2 * (r + 2.0 * u * u) + s1 * r + s2 * r * r
-    y = v * radial + p1 * (r + 2.0 * v * v) + 2.0 * p2 * u * v + s3 * r + s4 * r * r
-    prism_x, prism_y = s1 + 2.0 * s2 * r, s3 + 2.0 * s4 * r
-    xx = radial + 2.0 * u * u * rate + 2.0 * p1 * v + 6.0 * p2 * u + 2.0 * u * prism_x
-    xy = 2.0 * u * v * rate + 2.0 * p1 * u + 2.0 * p2 * v + 2.0 * v * prism_x
-    yx = 2.0 * u * v * rate + 2.0 * p1 * u + 2.0 * p2 * v + 2.0 * u * prism_y
-    yy = radial + 2.0 * v * v * rate + 6.0 * p1 * v + 2.0 * p2 * u + 2.0 * v * prism_y
+    uu, vv, uv = u * u, v * v, u * v
+    r = uu + vv
+    radial, rate = _series(r, numbers[:BELOW])  # the rate is over r
+    if _some(numbers[BELOW:TANGENTIAL]):
+        bottom, bottom_rate = _series(r, numbers[BELOW:TANGENTIAL])
+        bottom = torch.where(bottom.abs() < 1e-9, 1e-9, bottom)
+        radial = radial / bottom
+        rate = (rate - radial * bottom_rate) / bottom
+    rate = 2.0 * rate
+    x, y, xy = u * radial, v * radial, rate * uv
+    xx, yx, yy = radial + rate * uu, xy, radial + rate * vv
+    if _some(numbers[TANGENTIAL:]):
+        p1, p2, s1, s2, s3, s4 = numbers[TANGENTIAL:]
+        x = x + 2.0 * p1 * uv + p2 * (r + 2.0 * uu) + s1 * r + s2 * r * r
+        y = y + p1 * (r + 2.0 * vv) + 2.0 * p2 * uv + s3 * r + s4 * r * r
+        prism_x, prism_y = 2.0 * s1 + 4.0 * s2 * r, 2.0 * s3 + 4.0 * s4 * r
+        both = 2.0 * p1 * u + 2.0 * p2 * v
+        xx, xy = xx + 2.0 * p1 * v + 6.0 * p2 * u + u * prism_x, xy + both + v * prism_x
+        yx, yy = yx + both + u * prism_y, yy + 6.0 * p1 * v + 2.0 * p2 * u + v * prism_y
     return (x, y), ((xx, xy), (yx, yy))
 
 
-def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Numbers, focal: torch.Tensor) -> Place:
+def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Columns, focal: torch.Tensor) -> Place:
     """Return the places that a distortion brings to (x, y), by Newton's method from the middle outwards.
 
     Args:
@@ -84,7 +87,7 @@ def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Numbers, focal: torc
         u and v; NaN where the distortion brings nothing, and where it has folded back.
     """
     u, v = torch.zeros_like(x), torch.zeros_like(x)
-    for share, enough in ((0.25, NEAR_ENOUGH), (0.5, NEAR_ENOUGH), (0.75, NEAR_ENOUGH), (1.0, FOUND)):
+    for share, enough in ((0.25, ON_THE_WAY), (0.5, ON_THE_WAY), (0.75, ON_THE_WAY), (1.0, FOUND)):
         to_x, to_y = share * x, share * y
         for _ in range(ROUNDS):
             (at_x, at_y), slopes = distorted(u, v, numbers)
@@ -106,7 +109,7 @@ def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Numbers, focal: torc
     return nan_unless(known, u), nan_unless(known, v)
 
 
-def distorted_once(u: torch.Tensor, v: torch.Tensor, numbers: Numbers, focal: torch.Tensor) -> Place:
+def distorted_once(u: torch.Tensor, v: torch.Tensor, numbers: Columns, focal: torch.Tensor) -> Place:
     """Return where the distortion brings places; NaN for those that come to where others, nearer the middle, belong."""
     (x, y), _ = distorted(u, v, numbers)
     back_u, back_v = straightened(x, y, numbers, focal)
@@ -114,10 +117,17 @@ def distorted_once(u: torch.Tensor, v: torch.Tensor, numbers: Numbers, focal: to
     return nan_unless(same, x), nan_unless(same, y)
 
 
-def _series(r: torch.Tensor, coefficients: Numbers) -> Place:
+def _series(r: torch.Tensor, coefficients: Columns) -> Place:
     """The value of 1 + c1 r + c2 r^2 + ..., and its derivative."""
     value, rate = torch.zeros_like(r), torch.zeros_like(r)
-    for each in reversed(coefficients):
-        rate = rate * r + value + each
-        value = (value + each) * r
+    for index in reversed(range(len(coefficients))):
+        if _some(coefficients[index:]):
+            raised = value + coefficients[index]
+            rate = rate * r + raised
+            value = raised * r
     return 1.0 + value, rate
+
+
+def _some(numbers: Columns) -> bool:
+    """True unless all are 0."""
+    return any(isinstance(each, torch.Tensor) for each in numbers)

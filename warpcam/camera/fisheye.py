@@ -24,9 +24,10 @@ from warpcam.camera.lens_numbers import (
     size_of,
 )
 from warpcam.camera.lens_tables import FormulaTableLens
-from warpcam.camera.lens_tensors import LensNumbers, nan_unless
+from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless
 from warpcam.core.errors import WarpcamError
 
+QUICK_ROUNDS = 6  # of Newton's method, which are enough for most lenses
 ROUNDS = 60  # of the search for a polynomial's value: halvings alone leave no float64 between an interval's ends
 NEAR_ENOUGH = 1e-12  # of the whole range, between two rounds; the next would square it
 
@@ -233,11 +234,11 @@ class FTheta(RadialLens):
         return value_within(distance, formula) if self.forward is None else place_of(distance, formula)
 
 
-def polynomial_at(place: torch.Tensor, coefficients: list[torch.Tensor]) -> torch.Tensor:
+def polynomial_at(place: torch.Tensor, coefficients: Columns) -> torch.Tensor:
     """Return the value of a polynomial whose coefficients run from the constant upwards."""
-    value = coefficients[-1].expand_as(place) if coefficients[-1].ndim else coefficients[-1]
+    value = torch.zeros_like(place) + coefficients[-1]
     for each in reversed(coefficients[:-1]):
-        value = value * place + each
+        value = value * place + each if isinstance(each, torch.Tensor) else value * place
     return value
 
 
@@ -250,22 +251,28 @@ def value_within(place: torch.Tensor, formula: Mapping[str, Any]) -> torch.Tenso
 def place_of(value: torch.Tensor, formula: Mapping[str, Any]) -> torch.Tensor:
     """Return where the formula's polynomial has a value; NaN where it has none in its range.
 
-    Newton's method, within an interval that is halved where it would be left.
+    Newton's method; where that does not end soon, within an interval, which is halved where it would be left.
     """
     coefficients, last = formula["polynomial"], formula["last"]
     rates = [power * each for power, each in enumerate(coefficients)][1:]
     low, high = torch.zeros_like(value), last.expand_as(value)
     within = (value >= coefficients[0]) & (value <= polynomial_at(high, coefficients))
-    place, moving = 0.5 * high, within
+    place = before = 0.5 * high
+    for _ in range(QUICK_ROUNDS):
+        before = place
+        step = place - (polynomial_at(place, coefficients) - value) / polynomial_at(place, rates)
+        place = torch.minimum(torch.maximum(step, low), high)
+    moving = within & ~((place - before).abs() <= NEAR_ENOUGH * last)
+    place = torch.where(moving, 0.5 * high, place)
     for _ in range(ROUNDS):
+        if not moving.any():
+            break
         off = polynomial_at(place, coefficients) - value
         low, high = torch.where(off < 0.0, place, low), torch.where(off < 0.0, high, place)
         step = place - off / polynomial_at(place, rates)
         after = torch.where((step >= low) & (step <= high), step, 0.5 * (low + high))
         place, before = torch.where(moving, after, place), place
         moving = moving & ((place - before).abs() > NEAR_ENOUGH * last)
-        if not moving.any():
-            break
     return nan_unless(within, place)
 
 

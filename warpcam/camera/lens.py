@@ -18,6 +18,7 @@ from warpcam.camera.lens_numbers import (
     size_of,
 )
 from warpcam.camera.lens_tensors import (
+    Columns,
     LensNumbers,
     along_rays,
     as_coordinates,
@@ -29,7 +30,9 @@ from warpcam.camera.lens_tensors import (
 
 Projection = Literal["pinhole", "orthographic", "rays", "offset_rays"]
 
-CACHED = 1 << 14  # pixels whose rays are found at a time on the host, while their numbers stay in its caches
+# Pixels whose rays are found at a time: few enough for the caches, and for torch to start no threads, which a process
+# that is forked later would wait for.
+AT_ONCE = 1 << 13
 
 
 class Lens(ABC):
@@ -123,7 +126,7 @@ class FormulaLens(Lens):
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return where points come to on the plane; NaN for those that are not seen.
 
-        Numbers of the ``formula`` can be broadcast with the points; those of shape (n, m) are lists of m tensors.
+        Numbers of the ``formula`` can be broadcast with the points; those of shape (n, m) are ``Columns``.
         """
 
     @abstractmethod
@@ -171,22 +174,25 @@ class FormulaLens(Lens):
 
     def pixel_rays(self, width: int, height: int, worlds: int, where: str) -> np.ndarray:
         """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing."""
-        _, inverse, formula = lens_tensors(self.numbers(width, height, worlds, where), 3, torch.device("cpu"))
+        numbers = self.numbers(width, height, worlds, where)
         options: dict[str, Any] = {"dtype": torch.float64, "device": "cpu"}
         column, row = torch.arange(width, **options) + 0.5, torch.arange(height, **options) + 0.5
-        table = torch.empty((worlds, height, width, 3), **options)
-        step = max(1, CACHED // (width * worlds))
-        for first in range(0, height, step):
-            part = slice(first, first + step)
-            u, v = mapped(inverse, column.reshape(1, 1, -1), row[part].reshape(1, -1, 1))
-            shape = np.broadcast_shapes(u.shape, v.shape)
-            x, y, z = self.from_plane(u.expand(shape), v.expand(shape), formula)
-            table[:, part] = torch.stack([x, -y, -z], dim=-1)
-        return torch.nan_to_num(table, nan=0.0).numpy()
+        table = np.empty((worlds, height, width, 3))
+        step = max(1, AT_ONCE // width)
+        for world in range(worlds):
+            _, inverse, formula = lens_tensors(numbers.of(world), 0, torch.device("cpu"))
+            for first in range(0, height, step):
+                part = slice(first, first + step)
+                u, v = mapped(inverse, column[None], row[part, None])
+                shape = np.broadcast_shapes(u.shape, v.shape)
+                rays = self.from_plane(u.expand(shape), v.expand(shape), formula)
+                for axis, (sign, values) in enumerate(zip((1.0, -1.0, -1.0), rays, strict=True)):
+                    table[world, part, :, axis] = sign * values.numpy()
+        return np.nan_to_num(table, copy=False, nan=0.0)
 
     def _on_device(
         self, given: torch.Tensor, width: int | None, height: int | None, where: str
-    ) -> tuple[list[torch.Tensor], list[torch.Tensor], dict[str, Any]]:
+    ) -> tuple[Columns, Columns, dict[str, Any]]:
         """Matrix, inverse and numbers of the formula, which can be broadcast with the coordinates of ``given``."""
         worlds = worlds_of(self.differs, given, where)
         return lens_tensors(self.numbers(width, height, worlds, where), given.ndim - 1, given.device)

@@ -1,7 +1,7 @@
 """Coordinates and numbers of lenses as torch tensors."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,8 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+
+Columns = Sequence[torch.Tensor | float]  # 0.0 where all numbers are 0
 
 
 @dataclass(frozen=True)
@@ -24,6 +26,11 @@ class LensNumbers:
 
     matrix: np.ndarray
     formula: Mapping[str, np.ndarray]
+
+    def of(self, world: int) -> "LensNumbers":
+        """Return the numbers of one world."""
+        one = slice(world, world + 1)
+        return LensNumbers(self.matrix[one], {name: values[one] for name, values in self.formula.items()})
 
 
 def as_coordinates(value: Any, count: int, where: str) -> torch.Tensor:
@@ -107,21 +114,24 @@ def _as_floats(value: Any, where: str) -> torch.Tensor:
 
 def lens_tensors(
     numbers: LensNumbers, dimensions: int, device: torch.device
-) -> tuple[list[torch.Tensor], list[torch.Tensor], dict[str, Any]]:
-    """Return the nine numbers of the matrix, those of its inverse, and the formula's, with that many dimensions."""
+) -> tuple[Columns, Columns, dict[str, Any]]:
+    """Return the nine numbers of the matrix, those of its inverse, and the formula's, with that many dimensions.
+
+    Of the matrices and of what the formula has in columns, what is 0 everywhere is the number 0.0, which costs nothing.
+    """
 
     def column(values: np.ndarray) -> torch.Tensor:
         tensor = torch.tensor(values, dtype=torch.float64, device=device)
         return tensor.reshape(() if dimensions == 0 else (-1, *(1 for _ in range(dimensions - 1))))
 
-    def columns(values: np.ndarray) -> list[torch.Tensor]:
-        return [column(each) for each in values.reshape(len(values), -1).T]
+    def columns(values: np.ndarray) -> list[Any]:
+        return [column(each) if each.any() else 0.0 for each in values.reshape(len(values), -1).T]
 
     formula = {name: columns(each) if each.ndim > 1 else column(each) for name, each in numbers.formula.items()}
     return columns(numbers.matrix), columns(np.linalg.inv(numbers.matrix)), formula
 
 
-def mapped(matrix: list[torch.Tensor], x: torch.Tensor, y: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def mapped(matrix: Columns, x: torch.Tensor, y: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """Return where a homography leads to; NaN for places that come from behind."""
     over = matrix[6] * x + matrix[7] * y + matrix[8]
     over = nan_unless(over > 0.0, over)
