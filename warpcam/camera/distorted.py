@@ -17,7 +17,7 @@ from warpcam.camera.distortion import (
 from warpcam.camera.fisheye import axis_angle, direction_at, half_angles, place_at
 from warpcam.camera.lens_numbers import any_differs, coefficients_by_world, focal_matrix
 from warpcam.camera.lens_tables import FormulaTableLens
-from warpcam.camera.lens_tensors import LensNumbers, nan_unless
+from warpcam.camera.lens_tensors import LensNumbers, nan_unless, root
 
 Tensors3 = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
 
@@ -65,7 +65,7 @@ class Distorted(FormulaTableLens):
 
     def from_plane(self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]) -> Tensors3:
         u, v = straightened(u, v, formula["distortion"], formula["focal"])
-        length = torch.sqrt(u * u + v * v + 1.0)
+        length = root(u * u + v * v + 1.0)
         return u / length, v / length, 1.0 / length
 
 

@@ -24,7 +24,7 @@ from warpcam.camera.lens_numbers import (
     size_of,
 )
 from warpcam.camera.lens_tables import FormulaTableLens
-from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless
+from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless, sine_and_cosine
 from warpcam.core.errors import WarpcamError
 
 QUICK_ROUNDS = 6  # of Newton's method, which are enough for most lenses
@@ -305,8 +305,9 @@ def direction_at(
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Return the direction at an angle from the axis [rad], on the side of a place."""
     across = torch.hypot(u, v)
-    scale = torch.sin(angle) / torch.where(across > 0.0, across, 1.0)
-    return scale * u, scale * v, torch.cos(angle)
+    sine, cosine = sine_and_cosine(angle)
+    scale = sine / torch.where(across > 0.0, across, 1.0)
+    return scale * u, scale * v, cosine
 
 
 def _odd(coefficients: np.ndarray) -> np.ndarray:

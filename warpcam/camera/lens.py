@@ -25,13 +25,14 @@ from warpcam.camera.lens_tensors import (
     lens_tensors,
     mapped,
     nan_unless,
+    root,
     worlds_of,
 )
 
 Projection = Literal["pinhole", "orthographic", "rays", "offset_rays"]
 
-# Pixels whose rays are found at a time: few enough for the caches, and for torch to start no threads, which a process
-# that is forked later would wait for.
+# Pixels whose rays are found at a time: so few that their numbers stay in caches, and that torch starts no threads, for
+# which a process that was forked would wait in vain.
 AT_ONCE = 1 << 13
 
 
@@ -175,20 +176,17 @@ class FormulaLens(Lens):
     def pixel_rays(self, width: int, height: int, worlds: int, where: str) -> np.ndarray:
         """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing."""
         numbers = self.numbers(width, height, worlds, where)
-        options: dict[str, Any] = {"dtype": torch.float64, "device": "cpu"}
-        column, row = torch.arange(width, **options) + 0.5, torch.arange(height, **options) + 0.5
-        table = np.empty((worlds, height, width, 3))
-        step = max(1, AT_ONCE // width)
+        row, column = np.divmod(np.arange(height * width, dtype=np.float64), width)
+        table = np.empty((worlds, height * width, 3))
         for world in range(worlds):
             _, inverse, formula = lens_tensors(numbers.of(world), 0, torch.device("cpu"))
-            for first in range(0, height, step):
-                part = slice(first, first + step)
-                u, v = mapped(inverse, column[None], row[part, None])
-                shape = np.broadcast_shapes(u.shape, v.shape)
-                rays = self.from_plane(u.expand(shape), v.expand(shape), formula)
+            for first in range(0, height * width, AT_ONCE):
+                some = slice(first, first + AT_ONCE)
+                centres = mapped(inverse, torch.from_numpy(column[some] + 0.5), torch.from_numpy(row[some] + 0.5))
+                rays = self.from_plane(*centres, formula)
                 for axis, (sign, values) in enumerate(zip((1.0, -1.0, -1.0), rays, strict=True)):
-                    table[world, part, :, axis] = sign * values.numpy()
-        return np.nan_to_num(table, copy=False, nan=0.0)
+                    table[world, some, axis] = sign * values.numpy()
+        return np.nan_to_num(table, copy=False, nan=0.0).reshape(worlds, height, width, 3)
 
     def _on_device(
         self, given: torch.Tensor, width: int | None, height: int | None, where: str
@@ -256,7 +254,7 @@ class Pinhole(FormulaLens):
     def from_plane(
         self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        length = torch.sqrt(u * u + v * v + 1.0)
+        length = root(u * u + v * v + 1.0)
         return u / length, v / length, 1.0 / length
 
 

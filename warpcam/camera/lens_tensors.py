@@ -141,3 +141,18 @@ def mapped(matrix: Columns, x: torch.Tensor, y: torch.Tensor) -> tuple[torch.Ten
 def nan_unless(good: torch.Tensor, value: torch.Tensor) -> torch.Tensor:
     """Return the value where it is good, and NaN elsewhere."""
     return torch.where(good, value, math.nan)
+
+
+# On a CPU, torch's own sine, cosine and square root of a thousand numbers and more wait for threads of MKL. A process
+# that was forked has none, and a table of rays may be made there.
+
+
+def sine_and_cosine(angle: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return sine and cosine of angles [rad]."""
+    turn = torch.polar(torch.ones_like(angle), angle)
+    return turn.imag, turn.real
+
+
+def root(square: torch.Tensor) -> torch.Tensor:
+    """Return square roots; NaN below 0."""
+    return 1.0 / torch.rsqrt(square)

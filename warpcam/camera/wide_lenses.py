@@ -10,7 +10,7 @@ import torch
 from warpcam.camera.distortion import distorted_once, distortion_numbers, straightened
 from warpcam.camera.lens_numbers import any_differs, by_world, camera_matrix, focal_matrix, require, size_of
 from warpcam.camera.lens_tables import FormulaTableLens
-from warpcam.camera.lens_tensors import LensNumbers, nan_unless
+from warpcam.camera.lens_tensors import LensNumbers, nan_unless, root, sine_and_cosine
 
 Place = tuple[torch.Tensor, torch.Tensor]
 Direction = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
@@ -63,7 +63,7 @@ class Omnidirectional(FormulaTableLens):
         xi = formula["xi"]
         u, v = straightened(u, v, formula["distortion"], formula["focal"])
         square = u * u + v * v
-        scale = (xi + torch.sqrt(1.0 + (1.0 - xi * xi) * square)) / (square + 1.0)
+        scale = (xi + root(1.0 + (1.0 - xi * xi) * square)) / (square + 1.0)
         return scale * u, scale * v, scale - xi
 
 
@@ -106,15 +106,15 @@ class DoubleSphere(FormulaTableLens):
         ahead = xi * first + z
         second = _length(x, y, ahead)
         limit = _behind(alpha)
-        limit = (limit + xi) / torch.sqrt(2.0 * limit * xi + xi * xi + 1.0)
+        limit = (limit + xi) / root(2.0 * limit * xi + xi * xi + 1.0)
         over = nan_unless(z > -limit * first, alpha * second + (1.0 - alpha) * ahead)
         return x / over, y / over
 
     def from_plane(self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]) -> Direction:
         xi, alpha = formula["xi"], formula["alpha"]
         square = u * u + v * v
-        z = (1.0 - alpha * alpha * square) / (alpha * torch.sqrt(1.0 - (2.0 * alpha - 1.0) * square) + 1.0 - alpha)
-        scale = (z * xi + torch.sqrt(z * z + (1.0 - xi * xi) * square)) / (z * z + square)
+        z = (1.0 - alpha * alpha * square) / (alpha * root(1.0 - (2.0 * alpha - 1.0) * square) + 1.0 - alpha)
+        scale = (z * xi + root(z * z + (1.0 - xi * xi) * square)) / (z * z + square)
         return scale * u, scale * v, scale * z - xi
 
 
@@ -154,14 +154,14 @@ class ExtendedUnified(FormulaTableLens):
 
     def onto_plane(self, x: torch.Tensor, y: torch.Tensor, z: torch.Tensor, formula: Mapping[str, Any]) -> Place:
         alpha, beta = formula["alpha"], formula["beta"]
-        length = torch.sqrt(beta * (x * x + y * y) + z * z)
+        length = root(beta * (x * x + y * y) + z * z)
         over = nan_unless(z > -_behind(alpha) * length, alpha * length + (1.0 - alpha) * z)
         return x / over, y / over
 
     def from_plane(self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]) -> Direction:
         alpha, beta = formula["alpha"], formula["beta"]
         square = beta * (u * u + v * v)
-        z = (1.0 - alpha * alpha * square) / (alpha * torch.sqrt(1.0 - (2.0 * alpha - 1.0) * square) + 1.0 - alpha)
+        z = (1.0 - alpha * alpha * square) / (alpha * root(1.0 - (2.0 * alpha - 1.0) * square) + 1.0 - alpha)
         length = _length(u, v, z)
         return u / length, v / length, z / length
 
@@ -203,7 +203,8 @@ class Equirectangular(FormulaTableLens):
 
     def from_plane(self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]) -> Direction:
         u, v = _within(u, v, formula)
-        return torch.cos(v) * torch.sin(u), torch.sin(v), torch.cos(v) * torch.cos(u)
+        (across, ahead), (down, level) = sine_and_cosine(u), sine_and_cosine(v)
+        return level * across, down, level * ahead
 
 
 def _within(azimuth: torch.Tensor, elevation: torch.Tensor, formula: Mapping[str, Any]) -> Place:
@@ -224,4 +225,4 @@ def _behind(alpha: torch.Tensor) -> torch.Tensor:
 
 
 def _length(x: torch.Tensor, y: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
-    return torch.sqrt(x * x + y * y + z * z)
+    return root(x * x + y * y + z * z)
