@@ -3,13 +3,22 @@
 import ctypes
 import functools
 import sys
+import threading
 import weakref
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import warp as wp
 
 NON_BLOCKING = 1  # CU_STREAM_NON_BLOCKING
+
+_recording: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)  # by device
+
+
+def recording_lock(device: wp.Device) -> threading.Lock:
+    """Lock for work of a device that may record a graph: while one thread does, Warp counts the device as capturing."""
+    return _recording[device.alias] if device.is_cuda else threading.Lock()
 
 
 def nonblocking_stream(device: wp.Device) -> wp.Stream:

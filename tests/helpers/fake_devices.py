@@ -36,6 +36,9 @@ class Machine:
         self._gpus = [SimpleNamespace(alias=f"cuda:{i}", card=card) for i, card in enumerate(cards)]
         self._all = {each.alias: each for each in [SimpleNamespace(alias="cpu", card=None), *self._gpus]}
 
+    def init(self) -> None:
+        """Nothing has to be started."""
+
     def get_devices(self) -> list[Any]:
         return list(self._all.values())
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+import sensor_pictures
 import torch
 import visual_geom_scenes
 import warp as wp
@@ -192,4 +193,5 @@ PICTURES: dict[str, Picture] = {
     **_of(soft, ("tendon", "flex", "skin")),
     "flow": flow,
     **_of(physical, ("rough", "metal", "opacity", "splats")),
+    **_of(sensor_pictures.measured, sensor_pictures.DEPTH_CAMERAS),
 }

@@ -59,6 +59,25 @@ def test_randomize_saves_eight_worlds(tmp_path: Path) -> None:
     assert min(differences) > 5.0
 
 
+def test_sensor_colors_saves_eight_cameras(tmp_path: Path) -> None:
+    run(QUICK, str(EXAMPLES / "sensor_colors.py"), folder=tmp_path)
+    made, kept = (
+        np.asarray(Image.open(path)).astype(int)
+        for path in (tmp_path / "sensor_colors.png", EXAMPLES.parent / "docs" / "images" / "sensors_color.png")
+    )
+    assert made.shape == kept.shape == (240, 640, 3)
+    cameras = [half[:, first : first + 160] for half in (made[:120], made[120:]) for first in range(0, 640, 160)]
+    differences = [np.abs(a - b).mean() for i, a in enumerate(cameras) for b in cameras[:i]]
+    assert min(differences) > 1.0
+    assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05  # edges may be drawn otherwise
+
+
+def test_depth_cameras_measure_one_table(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "depth_cameras.py"), folder=tmp_path)
+    assert np.asarray(Image.open(tmp_path / "depth_cameras.png")).shape == (360, 960, 3)
+    assert len(re.findall(r"[\d.]+ % of the pixels are measured", printed)) == 7
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")

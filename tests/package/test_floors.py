@@ -20,7 +20,7 @@ HEADER_FLOORS = (
     ("flow", "shading"),
     ("traversal", "splats"),
     ("shadow", "antialiasing", "shading_pass"),
-    ("build",),
+    ("build", "sensors"),
 )
 # Likewise of modules; a module is in the room with the longest name that its own begins with.
 PYTHON_FLOORS = (
@@ -33,10 +33,11 @@ PYTHON_FLOORS = (
     ("warpcam.outputs",),
     ("warpcam.scene",),
     ("warpcam.render", "warpcam.sources"),
+    ("warpcam.sensors",),
     ("warpcam.randomize",),
     ("warpcam.load",),
     ("warpcam",),
-    ("warpcam.visualize", "warpcam.sensors"),
+    ("warpcam.visualize",),
     ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),

@@ -86,7 +86,7 @@ def test_shadows_of_meshes_among_many_are_those_of_every_caster(
     mjm = crowded(400, ends, meshes=True)
     images = lit(mjm, lens)
     monkeypatch.setattr(shadow, "MOST", 0)
-    monkeypatch.setattr(shadow, "CAPACITIES", (64,))
+    monkeypatch.setattr(shadow, "CAPACITIES", (launches.THREADS,))  # lists that have all casters, in several passes
     wanted = lit(mjm, lens)
     monkeypatch.undo()
     mjm.light_castshadow[mjm.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL] = False

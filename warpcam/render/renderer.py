@@ -2,8 +2,6 @@
 
 import itertools
 import logging
-import threading
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +19,7 @@ from warpcam.kernels.passes.views import FrameCounters, make_frame_start
 from warpcam.kernels.plan.frame import FramePlan, merged
 from warpcam.kernels.runtime.compile import building
 from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
-from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
+from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context, recording_lock
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.render.camera_binding import CameraArrays, CameraBinding
@@ -37,9 +35,6 @@ SPLIT_ABOVE_PIXELS = 2**22
 CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
 TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
-
-# While one thread records a graph, Warp counts its device as capturing: the others wait their turn.
-_device_locks: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)
 
 Images = dict[str | int, dict[str, torch_interop.Tensor]]
 
@@ -90,7 +85,7 @@ class Renderer:
         self.memory = estimate_memory(scene, cameras)
         require_free(self.memory, scene.device)
         self._graph = graph and scene.device.is_cuda
-        self._lock = _device_locks[scene.device.alias] if scene.device.is_cuda else threading.Lock()
+        self._lock = recording_lock(scene.device)
         tables = scene.tables()
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         self._passes = {

@@ -1,7 +1,93 @@
 """Sensors: what a robot's cameras and range sensors measure, in every world, on the device."""
 
+from warpcam.sensors.camera_model import CameraModel
+from warpcam.sensors.cloud_export import to_open3d, write_ply
+from warpcam.sensors.color.exposure import Exposure, Gain, WhiteBalance
+from warpcam.sensors.color.fixed_patterns import DeadPixels, Dsnu, Prnu
+from warpcam.sensors.color.jpeg import JpegArtifacts
+from warpcam.sensors.color.mosaic import BayerMosaic
+from warpcam.sensors.color.noise import Emva1288, ReadNoise, ShotNoise
+from warpcam.sensors.color.optics import Blur, ChromaticAberration, NaturalVignetting, Sharpening, Vignetting
+from warpcam.sensors.color.ppisp import Ppisp
+from warpcam.sensors.color.tone import GammaCurve, Quantization, ResponseCurve, ToneCurve
+from warpcam.sensors.depth.disparity import DisparityNoise, DisparityQuantization, MatchingWindow, ShiftedLookup
+from warpcam.sensors.depth.dropout import DarkDropout, EdgeDropout, FlyingPixels, GrazingDropout, RandomDropout
+from warpcam.sensors.depth.kinect_noise import AxialNoise, LateralNoise
+from warpcam.sensors.depth.noise import AzureKinectNoise, DepthBias, DepthDrift, DepthFixedPattern, PolynomialNoise
+from warpcam.sensors.depth.quantization import DepthQuantization
 from warpcam.sensors.depth.range_limits import DepthRange
+from warpcam.sensors.depth.stereo_shadow import StereoShadow
+from warpcam.sensors.depth_cameras import (
+    azure_kinect,
+    kinect_v1,
+    oak_d,
+    realsense_d405,
+    realsense_d415,
+    realsense_d435,
+    realsense_d455,
+    vl53l5cx,
+    zed_2,
+)
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.point_clouds import PointClouds
 from warpcam.sensors.rig import Rig
 
-__all__ = ["DepthRange", "Effect", "EffectFrame", "Rig", "parameter"]
+__all__ = [
+    "AxialNoise",
+    "AzureKinectNoise",
+    "BayerMosaic",
+    "Blur",
+    "CameraModel",
+    "ChromaticAberration",
+    "DarkDropout",
+    "DeadPixels",
+    "DepthBias",
+    "DepthDrift",
+    "DepthFixedPattern",
+    "DepthQuantization",
+    "DepthRange",
+    "DisparityNoise",
+    "DisparityQuantization",
+    "Dsnu",
+    "EdgeDropout",
+    "Effect",
+    "EffectFrame",
+    "Emva1288",
+    "Exposure",
+    "FlyingPixels",
+    "Gain",
+    "GammaCurve",
+    "GrazingDropout",
+    "JpegArtifacts",
+    "LateralNoise",
+    "MatchingWindow",
+    "NaturalVignetting",
+    "PointClouds",
+    "PolynomialNoise",
+    "Ppisp",
+    "Prnu",
+    "Quantization",
+    "RandomDropout",
+    "ReadNoise",
+    "ResponseCurve",
+    "Rig",
+    "Sharpening",
+    "ShiftedLookup",
+    "ShotNoise",
+    "StereoShadow",
+    "ToneCurve",
+    "Vignetting",
+    "WhiteBalance",
+    "azure_kinect",
+    "kinect_v1",
+    "oak_d",
+    "parameter",
+    "realsense_d405",
+    "realsense_d415",
+    "realsense_d435",
+    "realsense_d455",
+    "to_open3d",
+    "vl53l5cx",
+    "write_ply",
+    "zed_2",
+]

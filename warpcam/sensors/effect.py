@@ -47,12 +47,14 @@ class Effect:
         reads: Outputs of the camera that it needs beside the image that it changes.
         in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
+        needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
     """
 
     kind: ClassVar[Kind]
     reads: ClassVar[tuple[str, ...]] = ()
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
+    needs_pinhole: ClassVar[bool] = False
 
     def check(self, where: str) -> None:
         """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""

@@ -10,6 +10,7 @@ import warp as wp
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
+from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, names_of, parameter_array, parameters_of
@@ -130,6 +131,8 @@ class Measurement:
                     f"{self._where}: {name} needs {' and '.join(map(repr, missing))} among the camera's outputs, which "
                     f"are {', '.join(map(repr, self._truth))}"
                 )
+            if effect.needs_pinhole and not self._is_pinhole():
+                raise WarpcamError(f"{self._where}: {name} needs a camera with a pinhole lens (warpcam.Pinhole)")
             if effect.kind == "depth":
                 continue
             if GRADES[effect.kind] < grade:
@@ -139,6 +142,10 @@ class Measurement:
                 )
             if GRADES[effect.kind] > grade or effect.encodes:
                 grade, before = 1, name
+
+    def _is_pinhole(self) -> bool:
+        lenses = {key.lens for key in self._renderer.plan[self._camera].keys}
+        return lenses == {Lens.PINHOLE}
 
     def _parameters(self) -> WorldArrays:
         arrays, ranges = {}, {}

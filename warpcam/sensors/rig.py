@@ -12,7 +12,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, bind_launch, prepare
-from warpcam.kernels.runtime.streams import nonblocking_stream
+from warpcam.kernels.runtime.streams import nonblocking_stream, recording_lock
 from warpcam.render.renderer import Images, Renderer
 from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
@@ -57,6 +57,7 @@ class Rig:
         self._frames = wp.zeros(self._num_worlds, dtype=wp.int32, device=device)
         self.frames = torch_interop.to_torch(self._frames)
         self._graphs: list[wp.Graph] = []
+        self._lock = recording_lock(device)
         self._reset = Selection(self._num_worlds, device)
         self._measurements: dict[str | int, Measurement] = {}
         for number, (camera, effects) in enumerate(sensors.items()):
@@ -92,7 +93,7 @@ class Rig:
             ``images``.
         """
         self.renderer.render(worlds, forward)
-        with torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             self._run(capturing)
         return self.images
 
@@ -105,7 +106,7 @@ class Rig:
             worlds: As ``read`` takes them.
         """
         self.renderer.reset(worlds)
-        with torch_interop.in_order(self._device) as capturing:
+        with self._lock, torch_interop.in_order(self._device) as capturing:
             if worlds is None:
                 self._reset.mask.fill_(1)
             else:

@@ -101,14 +101,30 @@ WARPCAM_DEVICE void tile_span(float lo, float hi, int start, int length, int til
 {
     const float margin = 0.01f;  // pixels; covers the rounding of the projection
     const float a = max(lo - margin - float(start), 0.0f), b = min(hi + margin - float(start), float(length - 1));
-    const int from = int(a) + (float(int(a)) < a ? 1 : 0);
-    if (!(a <= b) || float(from) > b) {
-        first = 1;
-        last = 0;
+    first = 1;
+    last = 0;
+    if (!(a <= b))
         return;
-    }
+    const int from = int(a) + (float(int(a)) < a ? 1 : 0);
+    if (float(from) > b)
+        return;
     first = static_cast<signed char>(from / tile);
     last = static_cast<signed char>(int(b) / tile);
+}
+
+// Bounds of what lies before the camera of a box beside it, part of which may lie behind it: its middle in the camera's
+// frame, the camera's axes in its own, its half widths, how far from the camera's plane it reaches.
+WARPCAM_DEVICE ViewSpan span_beside(const Mat3& m, Vec3 center, Vec3 half, float farthest)
+{
+    const auto width_along = [&](int axis) {
+        return (1.0f + 1.0e-5f)
+               * (abs(m.at[0][axis]) * half.x + abs(m.at[1][axis]) * half.y + abs(m.at[2][axis]) * half.z);
+    };
+    // what is to the right of the camera by at least x, and at most `farthest` away, is seen right of x / farthest
+    const float rate = 0.9999f / farthest, wide = width_along(0), tall = width_along(1);
+    const float left = center.x - wide, right = center.x + wide, low = center.y - tall, high = center.y + tall;
+    return { left > 0.0f ? left * rate : -MISS, right < 0.0f ? right * rate : MISS, low > 0.0f ? low * rate : -MISS,
+             high < 0.0f ? high * rate : MISS };
 }
 
 // Between which distances from the camera, `offset` before its centre, a box lies. Its frame may be any.
@@ -293,9 +309,11 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
                 if (tiles.left > tiles.right)
                     return HIDDEN;
             }
-        } else if (BOXES && (LENS == ORTHOGRAPHIC || nearest > 1.0e-3f * reach)) {
+        } else if (BOXES) {
             ViewSpan span { MISS, -MISS, MISS, -MISS };
-            if ((Types::GEOMETRY & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
+            if (LENS == PINHOLE && !(nearest > 1.0e-3f * reach)) {
+                span = span_beside(m, center, e, farthest);
+            } else if ((Types::GEOMETRY & ROUND_TYPES) != 0 && (ROUND_TYPES >> shape.type & 1) != 0) {
                 span_round<LENS>(shape.type, center, depth, m, e, span);
             } else {
                 const Vec3 side { m.at[0][0] * e.x, m.at[0][1] * e.x, m.at[0][2] * e.x };

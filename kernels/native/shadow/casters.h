@@ -116,8 +116,8 @@ template <class List> WARPCAM_DEVICE bool may_be_shaded(const List& list, const 
 
 #endif
 
-// False if the shape casts no shadow in this light. TIGHT: see bounds_uv_of().
-template <class Types, bool TIGHT = false, class Meshes, class HeightFields>
+// False if the shape casts no shadow in this light.
+template <class Types, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, const LightView& light,
                                                         const Camera& camera, const Meshes& meshes,
                                                         const HeightFields& fields, Caster& caster)
@@ -151,7 +151,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE bool prepare_caster(const Shape& shape, cons
     caster.bounds_uv = { -MISS, MISS, -MISS, MISS };
     caster.height = MISS;
     if (extent.half.x >= 0.0f)  // not an endless plane
-        caster.bounds_uv = bounds_uv_of<TIGHT>(light, shape.type, c, r, extent, caster.height);
+        caster.bounds_uv = bounds_uv_of(light, shape.type, c, r, extent, caster.height);
     return true;
 }
 
@@ -167,7 +167,6 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
 
 // Any caster.
 struct AllCasters {
-    static constexpr bool TIGHT = false;  // bounds_uv_of()
     WARPCAM_DEVICE bool has(const Caster&) const { return true; }
 };
 
@@ -188,8 +187,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<Types, Wanted::TIGHT>(load_shape(shapes, world, id), light, camera, meshes, fields,
-                                                     caster)
+            if (prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && wanted.has(caster) && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(list.count);
                 list.records[slot] = caster.record;

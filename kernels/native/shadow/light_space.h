@@ -186,8 +186,6 @@ WARPCAM_DEVICE float reach_along(int type, Vec3 half, Vec3 n)
 
 // The bounds of a shape whose box has `extent` in its own frame, `position` from the camera; `height` is that of its
 // point nearest to the light. Both are widened by more than the rounding of the shape's and of any point's place.
-// TIGHT: also of a shape that stands beside the light, part of it before and part of it behind.
-template <bool TIGHT = false>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds bounds_uv_of(const LightView& light, int type, Vec3 position,
                                                                   const Mat3& rotation, const LocalBounds& extent,
                                                                   float& height)
@@ -213,12 +211,10 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE LightSpaceBounds bounds_uv_of(const LightVie
         return { MISS, MISS, MISS, MISS };
     if (!(near > 1.0e-3f * half_w)) {
         height = MISS;
-        if (TIGHT) {  // what is before the light and to its right lies at least `left` aside, at most `far` away
-            const float rate = 0.99999f / far;
-            return { flat.left > 0.0f ? flat.left * rate : -MISS, flat.right < 0.0f ? flat.right * rate : MISS,
-                     flat.bottom > 0.0f ? flat.bottom * rate : -MISS, flat.top < 0.0f ? flat.top * rate : MISS };
-        }
-        return { -MISS, MISS, -MISS, MISS };
+        // what is before the light and to its right lies at least `left` aside, at most `far` away
+        const float rate = 0.99999f / far;
+        return { flat.left > 0.0f ? flat.left * rate : -MISS, flat.right < 0.0f ? flat.right * rate : MISS,
+                 flat.bottom > 0.0f ? flat.bottom * rate : -MISS, flat.top < 0.0f ? flat.top * rate : MISS };
     }
     const float at_near = 1.0f / near, at_far = 1.0f / far, slack = 1.0e-5f;
     const LightSpaceBounds seen { flat.left * (flat.left < 0.0f ? at_near : at_far),

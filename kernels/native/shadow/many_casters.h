@@ -73,7 +73,7 @@ WARPCAM_DEVICE int gather_outlines(CasterList_& caster_list, int begin, const Sh
         if (i < total) {
             Caster caster;
             const int id = wp::index(shapes.drawn, i);
-            if (prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 && (grid.endless || may_occlude(caster.bounds_uv, caster.height, all.bounds_uv, all.floor))
                 && !transparent(shapes, materials, world, id)) {
                 const int slot = atomic_append(caster_list.count);
@@ -127,7 +127,7 @@ WARPCAM_DEVICE void prepare_picks(PickedCasters& picks, int picked, const Shapes
     for (int slot = lane; slot < picked; slot += WARP_SIZE) {
         Caster caster;
         const int id = wp::index(shapes.drawn, picks.places[slot]);
-        prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
+        prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster);
         list.records[slot] = caster.record;
         list.aims[slot] = caster.aim;
         mark_glass<Types>(list.aims[slot], caster.record, shapes, materials, world, id);

@@ -55,7 +55,7 @@ inline int gather_near(List& list, CasterBounds8<List::CAPACITY>& bounds_uv, int
         for (; some; some &= some - 1) {
             Caster caster;
             const int id = wp::index(shapes.drawn, begin + ctz(some)), slot = bounds_uv.count;
-            if (!prepare_caster<Types, true>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
+            if (!prepare_caster<Types>(load_shape(shapes, world, id), light, camera, meshes, fields, caster)
                 || !may_occlude(caster.bounds_uv, caster.height, region.bounds_uv, region.floor)
                 || transparent(shapes, materials, world, id))
                 continue;

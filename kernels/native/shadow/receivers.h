@@ -105,7 +105,6 @@ WARPCAM_DEVICE void survey_region(const Task& task, const Target& target, Receiv
 struct NearCasters {
     const ReceiverBounds& cover;
 
-    static constexpr bool TIGHT = true;
     WARPCAM_DEVICE bool has(const Caster& caster) const
     {
         return cover.beside || may_occlude(caster.bounds_uv, caster.height, cover.bounds_uv, cover.floor);

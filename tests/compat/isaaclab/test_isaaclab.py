@@ -84,7 +84,7 @@ def proxies(values: np.ndarray, dtype: Any, device: Any) -> Any:
 
 
 def frame(
-    simulation: Any, kinds: list[str], spawn: Any = None, **settings: Any
+    simulation: Any, kinds: list[str], spawn: Any = None, isp_cfg: Any = None, **settings: Any
 ) -> tuple[dict[str, np.ndarray], Any, Any, Any]:
     """Images of a new renderer, in buffers as Isaac Lab's camera makes them."""
     cfg = ours.WarpcamRendererCfg(**settings)
@@ -93,7 +93,7 @@ def frame(
     renderer.initialize()
     spawn = spawn or SimpleNamespace(clipping_range=(0.05, 50.0), distortion=None)
     camera = SimpleNamespace(
-        width=WIDTH, height=HEIGHT, data_types=kinds, spawn=spawn, background_color=None, isp_cfg=None
+        width=WIDTH, height=HEIGHT, data_types=kinds, spawn=spawn, background_color=None, isp_cfg=isp_cfg
     )
     spec = SimpleNamespace(cfg=camera, device="cpu", num_instances=NUM_ENVS, camera_prim_paths=(), view_count=NUM_ENVS)
     renderer.prepare_stage(None, NUM_ENVS)

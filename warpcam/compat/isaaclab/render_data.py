@@ -9,8 +9,9 @@ import warp as wp
 from isaaclab.renderers.segmentation_colors import BACKGROUND_ID, UNLABELLED_ID, pack_rgba, random_color_from_id
 
 import warpcam as wc
+from warpcam import sensors
 from warpcam.compat.common import packing
-from warpcam.compat.isaaclab import simple_shading
+from warpcam.compat.isaaclab import isp, simple_shading
 from warpcam.compat.isaaclab.lenses import lens_of
 from warpcam.compat.isaaclab.tonemap import bind_tonemap
 from warpcam.core import torch_interop
@@ -60,8 +61,7 @@ class RenderData:
         self._scene, self._model, self._spec, self._cfg, self._mapper = scene, model, spec, cfg, mapper
         spawn = spec.cfg.spawn
         self._lens = lens_of(spawn, spec.cfg.width, spec.cfg.height)
-        if getattr(spec.cfg, "isp_cfg", None) is not None:
-            raise WarpcamError("CameraCfg.isp_cfg is not offered: ask for rgb_hdr and process it; allowed is None")
+        self._isp = isp.effect_of(getattr(spec.cfg, "isp_cfg", None))
         if spec.view_count != scene.num_worlds:
             raise WarpcamError(
                 f"the camera has {spec.view_count} views for {scene.num_worlds} environments; one each is allowed"
@@ -86,6 +86,7 @@ class RenderData:
         # Brighter than a background may be told to be: written in place, in the array that one for each world has.
         self._behind = None if self._simple is None or color is None else simple_shading.background_of(color)
         self.renderer: wc.Renderer | None = None
+        self._rig: sensors.Rig | None = None  # where images are processed
         self.info: dict[str, Any] = {}
         self._pose: tuple[Any, ...] = ()
         self._after: list[Callable[[], Any]] = []
@@ -105,9 +106,13 @@ class RenderData:
         if "motion_vectors" in kinds and not pinhole:
             raise WarpcamError("motion_vectors are not offered for fisheye and distorted lenses")
         if not kinds:  # a camera for its pose alone
-            self.renderer, self._targets, self._after = None, (), []
+            self.renderer, self._rig, self._targets, self._after = None, None, (), []
             return
         outputs = list(dict.fromkeys(SOURCES[kind] for kind in kinds))
+        if self._isp is not None:
+            if "rgba" not in kinds:
+                raise WarpcamError("CameraCfg.isp_cfg: processed images are rgb and rgba; ask for one in data_types")
+            outputs = list(dict.fromkeys([*outputs, "hdr"]))
         self.renderer = wc.Renderer(
             self._scene,
             [
@@ -127,6 +132,7 @@ class RenderData:
                 )
             ],
         )
+        self._rig = None if self._isp is None else sensors.Rig(self.renderer, {"camera": [self._isp]})
         arrays = self.renderer.camera("camera")
         if self._behind is not None:
             behind = np.tile(self._behind, (self._scene.num_worlds, 1))
@@ -181,7 +187,10 @@ class RenderData:
         if self.renderer is None:
             return
         with torch_interop.in_order(self._scene.device):
-            self.renderer.render()
+            if self._rig is None:
+                self.renderer.render()
+            else:
+                self._rig.read()
             for write in self._after:
                 write()
 
@@ -189,6 +198,8 @@ class RenderData:
         """Return the function that copies one image into its buffer."""
         assert self.renderer is not None
         image, device = self.renderer.array("camera", SOURCES[kind]), self._scene.device
+        if kind == "rgba" and self._rig is not None:
+            image = wp.from_torch(self._rig.images["camera"]["rgb"])
         shape = (*image.shape[:3], buffer.shape[3])
         if tuple(buffer.shape) != shape or not buffer.is_contiguous:
             raise WarpcamError(f"{kind}: a contiguous buffer {shape} is needed, got {tuple(buffer.shape)}")

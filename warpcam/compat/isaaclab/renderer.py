@@ -8,7 +8,7 @@ import warp as wp
 from isaaclab.renderers import BaseRenderer, RenderBufferKind, RenderBufferSpec
 
 import warpcam as wc
-from warpcam.compat.isaaclab import lenses, simple_shading
+from warpcam.compat.isaaclab import isp, lenses, simple_shading
 from warpcam.compat.isaaclab.events import offer_shape_colors
 from warpcam.compat.isaaclab.render_data import LABELLED, RenderData
 from warpcam.compat.isaaclab.renderer_cfg import NAME, WarpcamRendererCfg
@@ -63,8 +63,13 @@ class WarpcamRenderer(BaseRenderer):
         """Nothing to prepare."""
 
     def prepare_cameras(self, stage: Any, spec: Any) -> None:
-        """Keep the stage, whose labels become ids, and tell what of the cameras' lenses is not drawn."""
+        """Keep the stage, whose labels become ids, and tell what of the cameras' lenses is not drawn.
+
+        Settings of image processing are completed, as Isaac Lab's own renderers do.
+        """
         self._stage = stage
+        paths = spec.camera_prim_paths
+        spec.cfg.isp_cfg = isp.resolve(getattr(spec.cfg, "isp_cfg", None), stage, paths[0] if paths else None)
         log = logging.getLogger("warpcam")
         for path in spec.camera_prim_paths:
             if lens := lenses.unread_lens(stage.GetPrimAtPath(path), spec.cfg.spawn):

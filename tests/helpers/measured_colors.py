@@ -1,0 +1,79 @@
+"""Effects on colours, applied to images that a test makes itself."""
+
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.kernels.runtime.launch import Stage, prepare
+from warpcam.kernels.types import View
+from warpcam.sensors.effect import Effect, EffectFrame, parameter_array, parameters_of
+from warpcam.sensors.kernels.random import Randomness
+
+
+class Bench:
+    """One effect between two images of vec3, (world, height, width), as a rig would bind it."""
+
+    def __init__(
+        self,
+        effect: Effect,
+        images: Any,
+        device: wp.Device,
+        *,
+        seed: int = 0,
+        views: Sequence[View] = (),
+    ):
+        self.shape = np.shape(images)
+        worlds, height, width = self.shape[:3]
+        self.device = device
+        self._images = np.ascontiguousarray(images, np.float32).reshape(worlds, height * width, 3)
+        self._source = wp.array(self._images, dtype=wp.vec3, device=device)
+        self._target = self._source if effect.in_place else wp.zeros_like(self._source)
+        self.frames = wp.zeros(worlds, dtype=wp.int32, device=device)
+        self.mask = wp.full(worlds, 1, dtype=wp.uint8, device=device)
+        effect.check("Bench")
+        self.params = SimpleNamespace(
+            **{entry.name: parameter_array(effect, entry, "Bench", worlds, device) for entry in parameters_of(effect)}
+        )
+        randomness = Randomness()
+        randomness.seeds = wp.full(worlds, seed, dtype=wp.int32, device=device)
+        randomness.frames, randomness.first_world, randomness.stream = self.frames, 0, 0
+        frame = EffectFrame(
+            source=self._source,
+            target=self._target,
+            truth={},
+            views=wp.array(list(views), dtype=View, device=device),
+            mask=self.mask,
+            params=self.params,
+            randomness=randomness,
+            width=width,
+            height=height,
+            device=device,
+            memory={},
+            worlds=range(worlds),
+        )
+        self._stages: list[Stage] = list(effect.bind(frame))
+        prepare(self._stages)
+
+    def __call__(self) -> np.ndarray:
+        """Measure the images once more."""
+        self._source.assign(self._images)
+        self.frames.assign(self.frames.numpy() + 1)
+        for stage in self._stages:
+            stage.launch()
+        return self._target.numpy().reshape(self.shape).copy()
+
+
+def measured(effect: Effect, images: Any, device: wp.Device, **options: Any) -> np.ndarray:
+    return Bench(effect, images, device, **options)()
+
+
+def picture(height: int = 20, width: int = 26, worlds: int = 2) -> np.ndarray:
+    """Smooth colours with an edge, a gradient and a fine pattern, from 0 to 1."""
+    y, x = np.mgrid[:height, :width] / (max(height, width) - 1)
+    red = 0.5 + 0.45 * np.sin(7.0 * x + 3.0 * y)
+    green = np.where(x + 0.3 * y > 0.6, 0.8, 0.2) + 0.1 * np.sin(40.0 * y)
+    image = np.stack([red, green, 0.9 * y + 0.05], axis=-1)
+    return np.stack([np.roll(image, shift, axis=1) for shift in range(worlds)]).astype(np.float32)

@@ -1,0 +1,130 @@
+"""Faults of lenses on colours: vignetting, colour fringes and blur; and sharpening, which answers blur."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.runtime.launch import Stage
+from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.kernels.neighborhoods import blur_columns, blur_rows, sharpen, shift_channels
+from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
+
+# Standard deviation of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read.
+MAX_SIGMA = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class NaturalVignetting(Effect):
+    """Natural vignetting: light falls off with cos^4 of the angle between the ray and the axis.
+
+    The law is that of thin lenses that keep straight lines, so the camera must have a ``Pinhole`` lens; its focal
+    length and centre in each world are the renderer's.
+
+    Attributes:
+        strength: 1 is the law, 0 no falloff; a number or (world,).
+    """
+
+    strength: Any = parameter(1.0, low=0.0, high=1.0)
+
+    kind = "linear"
+    needs_pinhole = True
+
+    def bind(self, frame: EffectFrame) -> Sequence[Stage]:
+        inputs = [frame.mask, frame.views, frame.params.strength, frame.width, frame.source, frame.target]
+        return [frame.per_pixel(darken_naturally, inputs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Vignetting(Effect):
+    """Vignetting by a polynomial: linear light times ``clamp(1 + a r^2 + b r^4 + c r^6, 0, 1)``.
+
+    r is the distance from the centre in units of the image's longer side, as in PPISP (arXiv 2601.18336), so corners of
+    a square image have r^2 = 0.5.
+
+    Attributes:
+        coefficients: a, b and c; (3,) or (world, 3).
+        center: From the middle of the image to the right and down, in units of the longer side; (2,) or (world, 2).
+    """
+
+    coefficients: Any = parameter(width=(3,))
+    center: Any = parameter((0.0, 0.0), width=(2,))
+
+    kind = "linear"
+
+    def bind(self, frame: EffectFrame) -> Sequence[Stage]:
+        size = [frame.width, frame.height]
+        parameters = [frame.params.coefficients, frame.params.center]
+        inputs = [frame.mask, *parameters, *size, frame.source, frame.target]
+        return [frame.per_pixel(darken_by_radius, inputs)]
+
+
+@dataclass(frozen=True, eq=False)
+class ChromaticAberration(Effect):
+    """Lateral chromatic aberration: red and blue are magnified about the middle of the image, green is not.
+
+    Channels are read between pixels bilinearly; beyond the border the image goes on as its border. A factor f moves
+    what is r pixels from the middle by (f - 1) r.
+
+    Attributes:
+        red: Magnification of red; a number or (world,).
+        blue: Magnification of blue; a number or (world,).
+    """
+
+    red: Any = parameter(1.0, low=0.5, high=2.0)
+    blue: Any = parameter(1.0, low=0.5, high=2.0)
+
+    kind = "linear"
+    in_place = False
+
+    def bind(self, frame: EffectFrame) -> Sequence[Stage]:
+        size = [frame.width, frame.height]
+        inputs = [frame.mask, frame.params.red, frame.params.blue, *size, frame.source, frame.target]
+        return [frame.per_pixel(shift_channels, inputs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Blur(Effect):
+    """Point spread of a lens: a Gaussian, out to three standard deviations.
+
+    Attributes:
+        sigma: Standard deviation [pixels]; a number or (world,). Its cost grows with it.
+    """
+
+    sigma: Any = parameter(low=0.0, high=MAX_SIGMA)
+
+    kind = "linear"
+
+    def bind(self, frame: EffectFrame) -> Sequence[Stage]:
+        rows, stage = bind_rows(frame)
+        inputs = [frame.mask, frame.params.sigma, frame.width, rows, frame.target]
+        return [stage, frame.per_pixel(blur_columns, inputs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Sharpening(Effect):
+    """Unsharp mask: display colours plus ``amount`` times what a Gaussian blur takes from them.
+
+    Attributes:
+        amount: A number or (world,).
+        sigma: Standard deviation of the blur [pixels]; a number or (world,).
+    """
+
+    amount: Any = parameter(low=0.0)
+    sigma: Any = parameter(1.0, low=0.0, high=MAX_SIGMA)
+
+    kind = "display"
+
+    def bind(self, frame: EffectFrame) -> Sequence[Stage]:
+        rows, stage = bind_rows(frame)
+        parameters = [frame.params.amount, frame.params.sigma]
+        inputs = [frame.mask, *parameters, frame.width, rows, frame.source, frame.target]
+        return [stage, frame.per_pixel(sharpen, inputs)]
+
+
+def bind_rows(frame: EffectFrame) -> tuple[wp.array, Stage]:
+    """An image blurred along its rows, and the stage that writes it; its columns are left to a second stage."""
+    rows = wp.empty_like(frame.source)
+    inputs = [frame.mask, frame.params.sigma, frame.width, frame.source, rows]
+    return rows, frame.per_pixel(blur_rows, inputs)

@@ -1,0 +1,50 @@
+"""Depth values, rays and focal lengths, as kernels of depth cameras read them."""
+
+import warp as wp
+
+from warpcam.kernels.types import View
+
+LEAST_SLOPE = 0.017453292  # between a ray and the surface that it meets, where a formula divides by it [rad]
+
+
+@wp.func
+def is_measured(depth: wp.float32) -> wp.bool:
+    """False for 0, infinity and NaN, which are no measurement."""
+    return depth > 0.0 and depth < wp.inf
+
+
+@wp.func
+def focal_length(given: wp.float32, view: View) -> wp.float32:
+    """Focal length across [pixels]: the given one, or that of the view where it is 0."""
+    return wp.where(given > 0.0, given, 1.0 / view.scale[0])
+
+
+@wp.func
+def resolution(given: wp.float32, view: View) -> wp.float32:
+    """Pixels of the view for each pixel of a sensor with the given focal length; 1 where it is 0."""
+    return wp.where(given > 0.0, 1.0 / (view.scale[0] * given), 1.0)
+
+
+@wp.func
+def incidence(
+    view: View, normals: wp.array4d(dtype=wp.float32), world: wp.int32, row: wp.int32, column: wp.int32
+) -> wp.float32:
+    """Angle between a pixel's ray, turned around, and the normal of the surface that it meets [rad]."""
+    x = (wp.float32(column) + 0.5 - view.center[0]) * view.scale[0]
+    y = (view.center[1] - wp.float32(row) - 0.5) * view.scale[1]
+    ray = wp.normalize(view.rotation * wp.vec3(x, y, -1.0))
+    normal = wp.vec3(normals[world, row, column, 0], normals[world, row, column, 1], normals[world, row, column, 2])
+    return wp.acos(wp.clamp(-wp.dot(ray, normal), 0.0, 1.0))
+
+
+@wp.func
+def grazing_ratio(angle: wp.float32) -> wp.float32:
+    """``angle / (pi / 2 - angle)``, of at most 89 degrees."""
+    return angle / wp.max(wp.HALF_PI - angle, LEAST_SLOPE)
+
+
+@wp.func
+def cell_of(row: wp.int32, column: wp.int32, width: wp.int32, size: wp.float32) -> wp.int32:
+    """Number of the square cell of an image that a pixel lies in; ``size`` [pixels] is rounded, and at least 1."""
+    step = wp.max(wp.int32(size + 0.5), 1)
+    return (row // step) * width + column // step

@@ -1,0 +1,151 @@
+"""Curves from linear light to display values, and steps of display values."""
+
+import warp as wp
+
+from warpcam.core.color import encode_srgb
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
+
+wp.set_module_options(compiler_flags())
+
+
+@wp.func
+def greatest_number(bits: wp.float32) -> wp.float32:
+    """Greatest number of so many bits, to the next whole one."""
+    return wp.float32((1 << wp.int32(bits + 0.5)) - 1)
+
+
+@wp.func
+def softplus(raw: wp.float32) -> wp.float32:
+    """log(1 + exp(raw)), also where exp(raw) is infinite."""
+    return wp.max(raw, 0.0) + wp.log(1.0 + wp.exp(-wp.abs(raw)))
+
+
+@wp.func
+def response_shape(toe: wp.float32, shoulder: wp.float32, gamma: wp.float32, center: wp.float32) -> wp.vec4:
+    """Exponents of toe and shoulder, gamma and centre of a response curve, from numbers without bounds."""
+    middle = wp.clamp(1.0 / (1.0 + wp.exp(-center)), 1.0e-6, 1.0 - 1.0e-6)
+    return wp.vec4(0.3 + softplus(toe), 0.3 + softplus(shoulder), 0.1 + softplus(gamma), middle)
+
+
+@wp.func
+def response(light: wp.float32, shape: wp.vec4) -> wp.float32:
+    """Two powers that meet at the centre with one slope, to the power of gamma."""
+    bounded = wp.clamp(light, 0.0, 1.0)
+    toe, shoulder, gamma, center = shape[0], shape[1], shape[2], shape[3]
+    height = shoulder * center / (toe + (shoulder - toe) * center)
+    value = height * wp.pow(bounded / center, toe)
+    if bounded > center:
+        value = 1.0 - (1.0 - height) * wp.pow((1.0 - bounded) / (1.0 - center), shoulder)
+    return wp.pow(wp.max(value, 0.0), gamma)
+
+
+@wp.kernel(enable_backward=False)
+def apply_srgb(
+    mask: wp.array(dtype=wp.uint8),
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    value = source[world, pixel]
+    for k in range(3):
+        value[k] = encode_srgb(wp.clamp(value[k], 0.0, 1.0))
+    target[world, pixel] = value
+
+
+@wp.kernel(enable_backward=False)
+def apply_gamma(
+    mask: wp.array(dtype=wp.uint8),
+    gamma: wp.array(dtype=wp.float32),
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    value = source[world, pixel]
+    for k in range(3):
+        value[k] = wp.pow(wp.clamp(value[k], 0.0, 1.0), 1.0 / gamma[world])
+    target[world, pixel] = value
+
+
+@wp.kernel(enable_backward=False)
+def apply_points(
+    mask: wp.array(dtype=wp.uint8),
+    points: wp.array(dtype=wp.vec2),
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    """Straight lines between points; the first and the last go on as they are."""
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    value = source[world, pixel]
+    for k in range(3):
+        low = wp.int32(0)
+        high = wp.int32(points.shape[0] - 1)
+        while high - low > 1:
+            middle = (low + high) // 2
+            if points[middle][0] <= value[k]:
+                low = middle
+            else:
+                high = middle
+        begin = points[low]
+        end = points[high]
+        share = wp.clamp((value[k] - begin[0]) / (end[0] - begin[0]), 0.0, 1.0)
+        value[k] = wp.lerp(begin[1], end[1], share)
+    target[world, pixel] = value
+
+
+@wp.kernel(enable_backward=False)
+def apply_response(
+    mask: wp.array(dtype=wp.uint8),
+    shapes: wp.array2d(dtype=wp.vec4),
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    value = source[world, pixel]
+    for k in range(3):
+        value[k] = response(value[k], shapes[world, k])
+    target[world, pixel] = value
+
+
+@wp.kernel(enable_backward=False)
+def find_shapes(
+    toe: wp.array2d(dtype=wp.float32),
+    shoulder: wp.array2d(dtype=wp.float32),
+    gamma: wp.array2d(dtype=wp.float32),
+    center: wp.array2d(dtype=wp.float32),
+    shapes: wp.array2d(dtype=wp.vec4),
+    first: wp.int32,
+):
+    world = first + wp.tid()
+    for k in range(3):
+        shapes[world, k] = response_shape(toe[world, k], shoulder[world, k], gamma[world, k], center[world, k])
+
+
+@wp.kernel(enable_backward=False)
+def quantize(
+    mask: wp.array(dtype=wp.uint8),
+    bits: wp.array(dtype=wp.float32),
+    source: wp.array2d(dtype=wp.vec3),
+    target: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    if mask[world] == wp.uint8(0):
+        return
+    highest = greatest_number(bits[world])
+    value = source[world, pixel]
+    for k in range(3):
+        value[k] = wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5) / highest
+    target[world, pixel] = value
