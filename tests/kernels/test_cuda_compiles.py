@@ -16,6 +16,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
+from warpcam import sensors
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan import edges
 from warpcam.kernels.runtime import compile as compilation
@@ -211,3 +212,17 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, folder) >= 3
+
+
+@pytest.mark.parametrize("echoes", [1, 2])
+def test_of_lidars(echoes: int, card: list[launch.Stage], folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.csv"
+    table.write_text("time,azimuth,zenith\n" + "".join(f"{k},{k},{k}\n" for k in range(64)))
+    mjm = scenes.compile_xml(FEW + '<body name="base"><geom size=".1"/></body>', assets=ASSETS)
+    widens = {"divergence": 0.1, "echo_gap": 0.5} if echoes > 1 else {}
+    for pattern in (sensors.patterns.livox_csv(table, samples=32), sensors.patterns.spinning([0.0, 1.0], columns=16)):
+        for sweep in ("instant", "moving"):
+            scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10))
+            sensors.Lidar(scene, pattern, exclude_body="base", sweep=sweep, echoes=echoes, **widens)
+    assert any("scan_rays" in stage.module.name for stage in card)
+    assert _compile(card, folder) >= 4

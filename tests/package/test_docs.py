@@ -216,6 +216,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,
+    "docs/sensors_lidar.md": looked_at,
     "docs/sensors_time.md": timed,
     "docs/sensors_point_clouds.md": point_clouds,
     "docs/sensors_color.md": memory,

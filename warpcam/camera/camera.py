@@ -46,6 +46,8 @@ class Camera:
         exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,), at
             most 127.
         gain: All light is multiplied by this, too: a number, (3,) for red, green and blue, or (world, 3).
+        exclude_bodies: Bodies whose shapes the camera does not see, as its own housing: a name or an index, or several.
+            Their shapes cast shadows nevertheless.
     """
 
     name: str | int
@@ -65,6 +67,7 @@ class Camera:
     background: Any = None
     exposure: Any = None
     gain: Any = None
+    exclude_bodies: Any = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.name, bool) or not isinstance(self.name, str | int | np.integer) or self.name == "":
@@ -101,6 +104,7 @@ class Camera:
             raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
         object.__setattr__(self, "antialiasing", int(self.antialiasing))
         self._check_background()
+        object.__setattr__(self, "exclude_bodies", self._excluded())
 
     @property
     def is_own(self) -> bool:
@@ -117,6 +121,17 @@ class Camera:
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise WarpcamError(f"{self.where}: {name} must be a whole number of pixels, at least 1, got {value!r}")
         return int(value)
+
+    def _excluded(self) -> tuple[str | int, ...]:
+        bodies = self.exclude_bodies
+        several = (bodies,) if isinstance(bodies, str | int | np.integer) else bodies
+        if not isinstance(several, Sequence) or not all(
+            isinstance(body, str | int | np.integer) and not isinstance(body, bool) for body in several
+        ):
+            raise WarpcamError(
+                f"{self.where}: exclude_bodies must be a body's name or index, or a sequence of these, got {bodies!r}"
+            )
+        return tuple(several)
 
     def _check_background(self) -> None:
         if self.background is None:

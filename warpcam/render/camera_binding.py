@@ -23,6 +23,7 @@ from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrid
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.render.camera_passes import CameraPasses
+from warpcam.render.excluded_bodies import ExcludedBodies, kept_shapes
 from warpcam.scene.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -47,13 +48,19 @@ class CameraArrays(WorldArrays):
 
 
 class CameraBinding:
-    """One camera in a scene."""
+    """One camera in a scene.
+
+    Attributes:
+        arrays: What may be written, by name.
+        table: float32 (1 or world, number): of a lens that is a table, as native/camera/ray_table.h reads it.
+    """
 
     def __init__(self, camera: Camera, scene: Scene):
         self._scene = scene
         self._camera = camera
         self._index = -1 if camera.is_own else scene.camera(camera.name, "Renderer: cameras")
         self._parent = -1 if camera.parent is None else scene.body(camera.parent, f"{camera.where}: parent")
+        self._excluded = ExcludedBodies(kept_shapes(camera, scene), scene.tables()) if camera.exclude_bodies else None
         self.arrays: dict[str, wp.array] = {}
         if camera.is_own:
             self._own("position", (0.0, 0.0, 0.0) if camera.position is None else camera.position, wp.vec3)
@@ -81,8 +88,9 @@ class CameraBinding:
         return projection_of(self._camera, self._scene)
 
     def camera_tables(self, tables: SceneTables) -> SceneTables:
-        """The scene as this camera has it: its background, its exposure."""
+        """The scene as this camera has it: what it does not see, its background, its exposure."""
         background, arrays = self._camera.background, self.arrays
+        tables = self._seen(tables)
         if not isinstance(background, np.ndarray):
             tables = self._scene.tables_with(tables, background)
         if not arrays.keys() & {"background", "exposure"}:
@@ -128,11 +136,14 @@ class CameraBinding:
             mask=mask,
             faults=faults,
             views=views,
-            tables=tables,
+            tables=self._seen(tables),
             lists=passes.lists,
             history=flow_history,
             device=device,
         )
+
+    def _seen(self, tables: SceneTables) -> SceneTables:
+        return tables if self._excluded is None else self._excluded.without(tables)
 
     def _pose(self) -> CameraPose:
         pose, scene = CameraPose(), self._scene
@@ -187,8 +198,10 @@ class CameraBinding:
     def _make_table(self, lens: RayTableLens) -> None:
         device = self._scene.device
         packed, widths = self._packed(lens, lens.has_origins)
-        self._table = wp.array(packed, dtype=wp.float32, device=device)
-        self._handles = wp.array(self._handles_of(widths), dtype=wp.vec4, device=device)
+        count = self._scene.num_worlds if lens.differs else 1  # of tables, which may all begin as one
+        self.table = wp.array(np.broadcast_to(packed, (count, packed.shape[1])), dtype=wp.float32, device=device)
+        handles = self._handles_of(widths if len(widths) == count else widths * count)
+        self._handles = wp.array(handles, dtype=wp.vec4, device=device)
 
     def set_table(self, lens: Any) -> None:
         """Write another lens over the table there is."""
@@ -204,12 +217,12 @@ class CameraBinding:
                 "rays all begin at the camera's position; build it with Rays that have origins"
             )
         packed, widths = self._packed(lens, own.has_origins)
-        if len(packed) > len(self._table):
+        if len(packed) > len(self.table):
             raise WarpcamError(
                 f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
                 "all; build it with a lens for each world"
             )
-        self._table.assign(np.broadcast_to(packed, self._table.shape))
+        self.table.assign(np.broadcast_to(packed, self.table.shape))
         self._handles.assign(self._handles_of(widths))
 
     def _packed(self, lens: RayTableLens, has_origins: bool) -> tuple[np.ndarray, list[float]]:
@@ -223,8 +236,8 @@ class CameraBinding:
         return pack_offset_rays(rays, starts), widths
 
     def _handles_of(self, widths: list[float]) -> np.ndarray:
-        count, floats = self._table.shape
-        return table_handles(self._table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
+        count, floats = self.table.shape
+        return table_handles(self.table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
@@ -304,10 +317,15 @@ def pose_bytes(camera: Camera) -> int:
     return 4 * numbers
 
 
-def shared_bytes(camera: Camera, num_worlds: int) -> int:
-    """Bytes of what a camera has beside, however many worlds there are: a lens's table, and that there is no skybox."""
-    table = camera.lens.bytes(camera.width, camera.height, num_worlds) if isinstance(camera.lens, RayTableLens) else 0
-    return table + 4 * isinstance(camera.background, np.ndarray)
+def shared_bytes(camera: Camera, scene: Scene) -> int:
+    """Bytes of what a camera has beside, however many worlds there are.
+
+    These are a lens's table, that there is no skybox, and which shapes it sees if it does not see all.
+    """
+    lens, size = camera.lens, (camera.width, camera.height, scene.num_worlds)
+    table = lens.bytes(*size) if isinstance(lens, RayTableLens) else 0
+    seen = 4 * (len(kept_shapes(camera, scene)) + scene.tables().num_shapes) if camera.exclude_bodies else 0
+    return table + seen + 4 * isinstance(camera.background, np.ndarray)
 
 
 def _worst(numbers: np.ndarray, low: float, high: float) -> float:

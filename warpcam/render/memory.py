@@ -82,7 +82,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
         worlds=scene.num_worlds * (10 + sum(view + pose_bytes(one) + planned[key] for key, one in by_key.items()))
-        + sum(shared_bytes(one, scene.num_worlds) for one in by_key.values()),
+        + sum(shared_bytes(one, scene) for one in by_key.values()),
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.list_rows], scene, tables),
     )
 

@@ -1,7 +1,6 @@
 """The renderer: which stages make a frame, in what order, and their capture as a graph."""
 
 import itertools
-import logging
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +23,7 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.render.camera_binding import CameraArrays, CameraBinding
 from warpcam.render.camera_passes import CameraPasses, Stages
+from warpcam.render.faults import tell_faults
 from warpcam.render.flow_history import ShapeHistory
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
 from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
@@ -100,11 +100,8 @@ class Renderer:
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
         self.faulty = torch_interop.to_torch(self._faults)
-        self._counters = FrameCounters.of(scene.num_worlds, scene.device)
-        self.frames, self.times = (
-            torch_interop.to_torch(self._counters.frames),
-            torch_interop.to_torch(self._counters.times),
-        )
+        counters = self._counters = FrameCounters.of(scene.num_worlds, scene.device)
+        self.frames, self.times = map(torch_interop.to_torch, (counters.frames, counters.times))
         self.images: Images = {
             key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
             for key, target in self._passes.items()
@@ -115,8 +112,7 @@ class Renderer:
         }
         self._tables: SceneTables | None = None
         self._is_checked = False  # the first frame's faults have been told
-        # What is drawn by the scene's stages, the last used at the end.
-        self._recordings: dict[tuple[Stage, ...], Recording] = {}
+        self._recordings: dict[tuple[Stage, ...], Recording] = {}  # by the scene's stages, the last used at the end
         with building:
             self._bind(tables)
 
@@ -156,7 +152,8 @@ class Renderer:
                     self._bind(tables)
             self._run(worlds is None, capturing)
             if not (self._is_checked or capturing):
-                self._tell_faults()
+                self._is_checked = True
+                tell_faults(self._faults)
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -227,18 +224,6 @@ class Renderer:
     def __reduce__(self) -> Any:
         raise WarpcamError("Renderer: it cannot be copied or pickled, as it holds memory of a device; make another one")
 
-    def _tell_faults(self) -> None:
-        """Warn, after the first frame, of faulty worlds: most often their state was never forwarded."""
-        self._is_checked = True
-        if count := int(np.count_nonzero(self._faults.numpy())):
-            logging.getLogger("warpcam").warning(
-                "render: %d of %d worlds made no image or miss a shape, see Renderer.faulty: a pose, size or lens is "
-                "not finite, or a rotation or size is 0, as in a state whose kinematics never ran. Run mj_forward, "
-                "mujoco_warp.forward or newton.eval_fk first, or call render(forward=True)",
-                count,
-                self._scene.num_worlds,
-            )
-
     def _key(self, camera: str | int) -> str | int:
         if camera not in tuple(self._cameras):
             known = ", ".join(repr(key) for key in self._cameras)
@@ -266,7 +251,7 @@ class Renderer:
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
             frame_start = make_frame_start(everything, clock, self._counters, self._device, known)
-            frames[everything] = [[list(record_views(frame_start))]]
+            frames[everything] = [[[*self._head(everything), *record_views(frame_start)]]]
             frames[everything] += self._bind_motion(tables)
             phases: list[Rounds] = [[batches] for batches in scratch.phases(images if everything else None)]
             chains = None
@@ -280,13 +265,21 @@ class Renderer:
             else:
                 for phase in phases:
                     frames[everything] += self._bind_phase(tables, phase, busiest)
-            frames[everything] += self._bind_history(tables)
+            frames[everything] += [*self._bind_history(tables), *self._tail()]
         self._phases, self._recordings = frames, {}
         if self._shape_history is not None:
             self._forget = self._shape_history.bind_reset(mask)
             self._forget.prepare()
         prepare([stage for frame in self._recording().frames.values() for stage in frame.stages])
         self._tables = tables
+
+    def _head(self, everything: bool) -> Sequence[Stage]:
+        """Stages of a subclass before a frame's views; until then the mask says nothing of ``everything``."""
+        return ()
+
+    def _tail(self) -> list[list[list[Stage]]]:
+        """Phases of a subclass at the end of a frame."""
+        return []
 
     def _bind_motion(self, tables: SceneTables) -> list[list[list[Stage]]]:
         """The phase before the trace that looks at what was, if some camera asks for flow."""

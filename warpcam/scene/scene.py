@@ -252,6 +252,10 @@ class Scene:
         """Index of the source's body of that name or index."""
         return find_body(self._parts, key, where)
 
+    def shape_bodies(self) -> np.ndarray:
+        """Body of each shape, as ``body`` counts them, (world or 1, shape) int32; -1 for none, -2 for no shape."""
+        return self._parts.bodies_of_shapes()
+
     def tables(self) -> SceneTables:
         """The scene for the kernels: the same object until the source's arrays are others."""
         theirs = self._source.arrays()

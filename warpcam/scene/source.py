@@ -116,6 +116,12 @@ class SceneDescription:
     splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 
+    def bodies_of_shapes(self) -> np.ndarray:
+        """Body of each shape as a place in ``bodies``, (world or 1, shape) int32; -1 for none, -2 for no shape."""
+        if self.body_ids is None or self.body_places is None or self.shape_ids is None:
+            return np.asarray(self.shape_bodies, np.int32)[None]
+        return np.where(self.shape_ids == -1, -2, np.append(self.body_places, -1)[self.body_ids]).astype(np.int32)
+
 
 @dataclass(frozen=True)
 class LiveArray:

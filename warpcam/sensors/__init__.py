@@ -1,5 +1,6 @@
 """Sensors: what a robot's cameras and range sensors measure, in every world, on the device."""
 
+from warpcam.sensors import patterns
 from warpcam.sensors.camera_model import CameraModel
 from warpcam.sensors.cloud_export import to_open3d, write_ply
 from warpcam.sensors.color.exposure import Exposure, Gain, WhiteBalance
@@ -29,6 +30,8 @@ from warpcam.sensors.depth_cameras import (
     zed_2,
 )
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.lidar import Lidar
+from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
 from warpcam.sensors.point_clouds import PointClouds
 from warpcam.sensors.rig import Rig
 from warpcam.sensors.timing.accumulation import Accumulation
@@ -66,6 +69,9 @@ __all__ = [
     "GrazingDropout",
     "JpegArtifacts",
     "LateralNoise",
+    "Lidar",
+    "LidarDropout",
+    "LidarNoise",
     "MatchingWindow",
     "MotionBlur",
     "NaturalVignetting",
@@ -90,6 +96,7 @@ __all__ = [
     "kinect_v1",
     "oak_d",
     "parameter",
+    "patterns",
     "realsense_d405",
     "realsense_d415",
     "realsense_d435",

@@ -118,13 +118,13 @@ class EffectFrame:
         return self.memory[name]
 
 
-def parameters_of(effect: Effect) -> Iterator[dataclasses.Field[Any]]:
-    """Fields of an effect that have a value for each world."""
+def parameters_of(effect: object) -> Iterator[dataclasses.Field[Any]]:
+    """Fields of an effect, or of another dataclass, that have a value for each world."""
     return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
 
 
 def parameter_array(
-    effect: Effect, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
+    effect: object, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
 ) -> wp.array:
     """The values of a parameter for all worlds, (world, *width) float32, in the user's own memory where possible.
 

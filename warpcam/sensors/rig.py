@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from warpcam.core import torch_interop
@@ -18,6 +17,7 @@ from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.measurement import Measurement
+from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.timing.clock import Clock
 from warpcam.sensors.timing.delivery import Deliveries
 
@@ -56,7 +56,7 @@ class Rig:
         self.renderer, device = renderer, renderer.scene.device
         torch_interop.require_no_capture(device, "Rig")
         self._device, self._num_worlds = device, renderer.scene.num_worlds
-        self._seeds = _seeds(seed, self._num_worlds, device)
+        self._seeds = seeds_of(seed, "Rig", self._num_worlds, device)
         self._clock = Clock(renderer)
         self._frames = wp.zeros(self._num_worlds, dtype=wp.int32, device=device)
         self.frames = torch_interop.to_torch(self._frames)
@@ -178,13 +178,3 @@ class Rig:
             self._graphs.append(capture.graph)
             return
         wp.capture_launch(self._graphs[0], stream=self._device.stream)
-
-
-def _seeds(seed: Any, num_worlds: int, device: wp.Device) -> wp.array:
-    numbers = np.asarray(torch_interop.to_numpy(seed))
-    whole = numbers.dtype.kind in "iu" and numbers.shape in ((), (num_worlds,))
-    if not whole or (numbers < -(2**31)).any() or (numbers >= 2**31).any():
-        raise WarpcamError(
-            f"Rig: seed must be a whole number of 32 bits, or one for each world, ({num_worlds},), got {seed!r}"
-        )
-    return wp.array(np.broadcast_to(numbers, num_worlds).astype(np.int32), dtype=wp.int32, device=device)

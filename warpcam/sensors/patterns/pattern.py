@@ -1,0 +1,135 @@
+"""A pattern: the rays of one sweep of a lidar, and when each is sent."""
+
+import math
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
+
+import numpy as np
+
+from warpcam.accel.ray_tables import MOST_PIXELS, unit
+from warpcam.core.arrays import as_numbers
+from warpcam.core.errors import WarpcamError
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Rays of one sweep, in the sensor's frame: x ahead, y left, z up.
+
+    ``dataclasses.replace`` changes one thing of a pattern, as ``replace(pattern, max_range=50.0)``.
+
+    Attributes:
+        directions: (rows, columns, 3) float32, of length 1, or 0 for a place without a ray.
+        origins: (rows, columns, 3) float32, where rays begin [m]; None: all at the sensor's position. Ranges count from
+            there.
+        times: (rows, columns) float32, when each ray is sent, from the sweep's beginning [s]; 0 unless given.
+        rings: (rows,) int32, the device's own number of each row; from 0 on unless given.
+        rate: Sweeps a second, positive [Hz]; None where nothing depends on it.
+        min_range: Nothing nearer gives a return; at least 0 [m].
+        max_range: Nothing farther gives a return; beyond ``min_range``, may be inf [m].
+        table: (n, 3) float32, directions of a sweep that takes ``rows * columns`` of them at each read, column after
+            column, and goes on where the last read of any worlds ended; None: all reads have the same directions.
+    """
+
+    directions: Any
+    _: KW_ONLY
+    origins: Any = None
+    times: Any = None
+    rings: Any = None
+    rate: float | None = None
+    min_range: float = 0.0
+    max_range: float = math.inf
+    table: Any = None
+
+    def __post_init__(self) -> None:
+        directions = _table(self.directions, "directions", None)
+        if not directions.any():
+            raise WarpcamError("Pattern: directions are all 0: no ray sees anything")
+        rows, columns = directions.shape[:2]
+        if max(rows, columns) > MOST_PIXELS:
+            raise WarpcamError(f"Pattern: at most {MOST_PIXELS} rows and columns are allowed, got {rows} x {columns}")
+        set_to = object.__setattr__
+        set_to(self, "directions", unit(directions).astype(np.float32))
+        if self.origins is not None:
+            set_to(self, "origins", _table(self.origins, "origins", (rows, columns, 3)).astype(np.float32))
+        times = np.zeros((rows, columns)) if self.times is None else _table(self.times, "times", (rows, columns))
+        set_to(self, "times", times.astype(np.float32))
+        rings = np.arange(rows) if self.rings is None else _table(self.rings, "rings", (rows,))
+        set_to(self, "rings", rings.astype(np.int32))
+        if self.rate is not None:
+            set_to(self, "rate", positive(self.rate, "Pattern: rate"))
+        near, far = _number(self.min_range, "min_range"), _number(self.max_range, "max_range")
+        if not 0.0 <= near < far:
+            raise WarpcamError(
+                f"Pattern: min_range must be at least 0 and max_range beyond it [m], got {near} and {far}"
+            )
+        set_to(self, "min_range", near)
+        set_to(self, "max_range", far)
+        if self.table is not None:
+            self._check_table(rows * columns)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self.directions.shape[0])
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return int(self.directions.shape[1])
+
+    def _check_table(self, rays: int) -> None:
+        if self.origins is not None:
+            raise WarpcamError("Pattern: table and origins came; rays of a table begin at the sensor's position")
+        given = as_numbers(self.table, "Pattern: table")
+        if given.ndim != 2 or given.shape[1] != 3 or len(given) < rays or not np.isfinite(given).all():
+            raise WarpcamError(
+                f"Pattern: table must have shape (n, 3), n at least {rays}, and be finite, got {given.shape}"
+            )
+        object.__setattr__(self, "table", unit(given).astype(np.float32))
+
+
+def rays(
+    directions: Any,
+    origins: Any = None,
+    times: Any = None,
+    *,
+    rings: Any = None,
+    rate: float | None = None,
+    min_range: float = 0.0,
+    max_range: float = math.inf,
+) -> Pattern:
+    """Return a pattern of any rays; arguments are those of ``Pattern``, numpy, torch or Warp."""
+    return Pattern(
+        directions, origins=origins, times=times, rings=rings, rate=rate, min_range=min_range, max_range=max_range
+    )
+
+
+def positive(value: Any, where: str) -> float:
+    """A finite number above 0."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < math.inf:
+        raise WarpcamError(f"{where} must be a positive number, got {value!r}")
+    return float(value)
+
+
+def count_of(value: Any, where: str) -> int:
+    """A whole number of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
+        raise WarpcamError(f"{where} must be a whole number of at least 1, got {value!r}")
+    return int(value)
+
+
+def _table(value: Any, name: str, shape: tuple[int, ...] | None) -> np.ndarray:
+    given = as_numbers(value, f"Pattern: {name}")
+    fits = given.shape == shape if shape is not None else given.ndim == 3 and given.shape[2] == 3 and given.size > 0
+    if not fits:
+        wanted = str(shape) if shape is not None else "(rows, columns, 3)"
+        raise WarpcamError(f"Pattern: {name} must have shape {wanted}, got {given.shape}")
+    if not np.isfinite(given).all():
+        raise WarpcamError(f"Pattern: {name} must be finite, got {given[~np.isfinite(given)][0]}")
+    return given
+
+
+def _number(value: Any, name: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or math.isnan(value):
+        raise WarpcamError(f"Pattern: {name} must be a number [m], got {value!r}")
+    return float(value)
