@@ -3,9 +3,13 @@
 from importlib.metadata import PackageNotFoundError as _PackageNotFoundError
 from importlib.metadata import version as _version
 
+from warpcam.camera.calibration import Calibration, read_calibration
 from warpcam.camera.camera import Camera
+from warpcam.camera.distorted import Distorted, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpcam.camera.fisheye import Fisheye, FTheta, KannalaBrandt
 from warpcam.camera.lens import Lens, Orthographic, Pinhole
-from warpcam.camera.lens_tables import Distorted, Fisheye, Rays
+from warpcam.camera.lens_tables import Rays
+from warpcam.camera.wide_lenses import DoubleSphere, Equirectangular, ExtendedUnified, Omnidirectional
 from warpcam.core.errors import WarpcamError
 from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
@@ -21,19 +25,28 @@ except _PackageNotFoundError:  # run from its sources
     __version__ = "0+unknown"
 
 __all__ = [
+    "Calibration",
     "Camera",
     "Choice",
     "Distorted",
+    "DoubleSphere",
     "DrivenScene",
+    "Equirectangular",
+    "ExtendedUnified",
+    "FTheta",
     "Fisheye",
+    "KannalaBrandt",
     "Lens",
     "Light",
     "Memory",
+    "Omnidirectional",
     "Orthographic",
     "Pinhole",
+    "RadTanThinPrismFisheye",
     "Rays",
     "Renderer",
     "Scene",
+    "ThinPrismFisheye",
     "Uniform",
     "WarpcamError",
     "add_urdf",
@@ -44,4 +57,5 @@ __all__ = [
     "from_usd",
     "load",
     "randomize",
+    "read_calibration",
 ]

@@ -1,8 +1,12 @@
 """Lenses that are tables of rays: against closed forms, against a ray at a time, against the pinhole."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from typing import Any
 
+import lens_samples
 import mujoco
 import numpy as np
 import pytest
@@ -255,6 +259,33 @@ def test_pixels_without_a_ray_see_nothing(model: tuple[Any, Any], device: wp.Dev
     blind = ~rays.any(axis=-1)
     assert (seen["segmentation"][blind] == -1).all() and np.isinf(seen["distance"][blind]).all()
     assert (seen["rgb"][6, 5:28] == (51, 102, 153)).all()
+
+
+# Tables of all kinds of lenses, made by a child that has been forked off and has no threads of torch.
+FORKING = """
+import os, signal, sys
+sys.path.append(sys.argv[1])
+import torch
+import lens_samples
+torch.set_num_threads(2)
+torch.sin(torch.zeros(1 << 20, dtype=torch.float64))  # starts the parent's threads
+child = os.fork()
+if child == 0:
+    signal.alarm(60)
+    tables = [lens for lens in (make() for make in lens_samples.LENSES.values()) if hasattr(lens, "rays")]
+    for lens in tables:
+        size = (45, 27) if type(lens).__name__ == "Rays" else (400, 300)
+        assert lens.rays(*size, 1, "lens").any()
+    os._exit(0 if len(tables) > 10 else 3)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="it forks")
+def test_a_forked_process_makes_tables() -> None:
+    folder = os.path.dirname(lens_samples.__file__)
+    done = subprocess.run([sys.executable, "-c", FORKING, folder], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_what_a_distortion_mirrors_is_not_seen() -> None:

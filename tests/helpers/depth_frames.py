@@ -61,6 +61,8 @@ class DepthBench:
                 "rgb": wp.array(colors, dtype=wp.uint8, device=self.device),
             },
             views=wp.array(views, dtype=View, device=self.device),
+            times=wp.zeros(worlds, dtype=wp.float32, device=self.device),
+            elapsed=wp.zeros(worlds, dtype=wp.float32, device=self.device),
             mask=wp.ones(worlds, dtype=wp.uint8, device=self.device),
             params=SimpleNamespace(**params),
             randomness=randomness,

@@ -45,6 +45,8 @@ class Bench:
             target=self._target,
             truth={},
             views=wp.array(list(views), dtype=View, device=device),
+            times=wp.zeros(worlds, dtype=wp.float32, device=device),
+            elapsed=wp.zeros(worlds, dtype=wp.float32, device=device),
             mask=self.mask,
             params=self.params,
             randomness=randomness,

@@ -77,7 +77,7 @@ CAMERAS = {
     f"Camera('front'): outputs is empty; allowed are {OUTPUT_NAMES}": {"outputs": ()},
     "Camera('front'): outputs must be a sequence of names like (\"rgb\", \"depth\"), got 'depth'": {"outputs": "depth"},
     "Camera('front'): outputs names something twice: ['rgb', 'rgb']": {"outputs": ("rgb", "rgb")},
-    "Camera('front'): lens must be Pinhole, Orthographic, Fisheye, Distorted, Rays or None, got 58.0": {"lens": 58.0},
+    "Camera('front'): lens must be a lens, such as Pinhole or Fisheye, or None, got 58.0": {"lens": 58.0},
     "Camera('front'): position, rotation or parent make it a camera of your own, which needs a lens": {"parent": "arm"},
     "Camera('front'): depth_clipping is 'far'; allowed are 'none', 'max', 'zero'": {"depth_clipping": "far"},
     "Camera('front'): shadows must be True or False, got 3": {"shadows": 3},

@@ -46,6 +46,10 @@ CONTROLLED = """
   </worldbody>
 </mujoco>
 """
+CAMCHAIN = """
+cam0: {camera_model: pinhole, intrinsics: [458.6, 457.3, 367.2, 248.4], distortion_model: radtan,
+  distortion_coeffs: [-0.28, 0.07, 0.0002, 0.00002], resolution: [752, 480]}
+"""
 KITCHEN = """#usda 1.0
 (metersPerUnit = 1.0
  upAxis = "Z")
@@ -87,6 +91,7 @@ def looked_at(*outputs: str) -> Names:
 
 
 def cameras() -> Names:
+    Path("camchain.yaml").write_text(CAMCHAIN)
     directions = np.tile((0.0, 0.0, -1.0), (64, 64, 1))
     return {**looked_at(), "directions": directions, "origins": 0.1 * directions}
 

@@ -79,7 +79,7 @@ class Camera:
         object.__setattr__(self, "outputs", check_outputs(self.outputs, self.where))
         if self.lens is not None and not isinstance(self.lens, Lens):
             raise WarpcamError(
-                f"{self.where}: lens must be Pinhole, Orthographic, Fisheye, Distorted, Rays or None, got {self.lens!r}"
+                f"{self.where}: lens must be a lens, such as Pinhole or Fisheye, or None, got {self.lens!r}"
             )
         if self.is_own and self.lens is None:
             raise WarpcamError(

@@ -208,7 +208,7 @@ class CameraBinding:
         camera, own = self._camera, self._camera.lens
         if not isinstance(own, RayTableLens) or not isinstance(lens, RayTableLens):
             raise WarpcamError(
-                f"{camera.where}: set_lens puts Fisheye, Distorted or Rays in place of one of these, got "
+                f"{camera.where}: set_lens puts a table of rays (Fisheye, Rays, ...) in place of another, got "
                 f"{type(lens).__name__} in place of {type(own).__name__}; other lenses have arrays to write to"
             )
         if lens.has_origins and not own.has_origins:

@@ -193,7 +193,7 @@ class Renderer:
         return self._arrays[self._key(camera)]
 
     def set_lens(self, camera: str | int, lens: Lens) -> None:
-        """Put another table of rays, a ``Fisheye``, ``Distorted`` or ``Rays``, in place of a camera's.
+        """Put another table of rays, any lens but ``Pinhole`` and ``Orthographic``, in place of a camera's.
 
         It is seen at the next render. The table is made on the host and copied. Graphs stay valid, a captured one of
         the user's, too.

@@ -279,6 +279,26 @@ def test_fisheye_cameras(simulation: Any) -> None:
         frame(simulation, ["motion_vectors"], equal)
 
 
+def test_polynomials_are_of_nominal_pixels() -> None:
+    from warpcam.compat.isaaclab.lenses import lens_of
+
+    polynomial = (0.0, 0.016, 3e-4, -4e-6, 0.0, 1e-9)
+    numbers = {f"fisheye_polynomial_{base}": value for base, value in zip("abcdef", polynomial, strict=True)}
+    spawn = SimpleNamespace(
+        distortion=None, projection_type="fisheyePolynomial", fisheye_nominal_width=90.0, fisheye_nominal_height=48.0,
+        fisheye_optical_centre_x=44.0, fisheye_optical_centre_y=25.0, fisheye_max_fov=110.0, **numbers,
+    )  # fmt: skip
+    rays = lens_of(spawn, WIDTH, HEIGHT).rays(WIDTH, HEIGHT, 1, "lens")[0]
+    column, row = np.meshgrid((np.arange(WIDTH) + 0.5) / WIDTH * 90.0, (np.arange(HEIGHT) + 0.5) / HEIGHT * 48.0)
+    x, y = column - 44.0, 25.0 - row
+    radius = np.hypot(x, y)
+    angle = np.polynomial.polynomial.polyval(radius, polynomial)
+    expected = np.stack([np.sin(angle) * x / radius, np.sin(angle) * y / radius, -np.cos(angle)], axis=-1)
+    seen = angle <= np.radians(55.0)
+    assert 0.3 < seen.mean() < 1.0
+    np.testing.assert_allclose(rays, np.where(seen[..., None], expected, 0.0), atol=1e-9)
+
+
 def hang_cloth(simulation: Any) -> None:
     """In place of what there is, in each environment a red and a blue triangle."""
     builder = newton.ModelBuilder()

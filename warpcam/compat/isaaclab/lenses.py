@@ -78,14 +78,15 @@ def _calibrated(distortion: Any, width: int, height: int) -> wc.Lens:
     )
 
 
-def _polynomial(spawn: Any, width: int, height: int) -> wc.Rays:
+def _polynomial(spawn: Any, width: int, height: int) -> wc.FTheta:
     """The angle from the axis [rad] is a polynomial of the distance from the optical centre, in nominal pixels."""
-    column = (np.arange(width) + 0.5) / width * float(spawn.fisheye_nominal_width)
-    row = (np.arange(height) + 0.5) / height * float(spawn.fisheye_nominal_height)
-    x, y = np.meshgrid(column - float(spawn.fisheye_optical_centre_x), float(spawn.fisheye_optical_centre_y) - row)
-    radius = np.hypot(x, y)
-    angle = np.polynomial.polynomial.polyval(radius, [float(getattr(spawn, f"fisheye_polynomial_{b}")) for b in BASES])
-    rate = np.divide(np.sin(angle), radius, out=np.zeros_like(radius), where=radius > 0.0)
-    rays = np.stack([rate * x, rate * y, -np.cos(angle)], axis=-1)
-    seen = (angle >= 0.0) & (angle <= np.radians(0.5 * min(float(spawn.fisheye_max_fov), 360.0)))
-    return wc.Rays(np.where(seen[..., None], rays, 0.0))
+    across = width / float(spawn.fisheye_nominal_width)
+    down = height / float(spawn.fisheye_nominal_height)
+    polynomial = [float(getattr(spawn, f"fisheye_polynomial_{base}")) for base in BASES]
+    return wc.FTheta(
+        backward=[each / down**power for power, each in enumerate(polynomial)],
+        cx=across * float(spawn.fisheye_optical_centre_x),
+        cy=down * float(spawn.fisheye_optical_centre_y),
+        linear=(across / down, 0.0, 0.0),
+        max_fov=min(float(spawn.fisheye_max_fov), 360.0),
+    )
