@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.camera.lens import Orthographic
-from warpcam.camera.lens_tables import RayTableLens
+from warpcam.camera.lens_tables import Rays
 from warpcam.sensors.kernels.scan_echoes import SPREAD
 from warpcam.sensors.patterns.pattern import Pattern
 
@@ -16,26 +16,18 @@ RING = float(np.sqrt(0.5 + 0.5 / SPREAD))
 
 
 @dataclass(frozen=True, eq=False)
-class ScanLens(RayTableLens):
-    """A table of rays, of all worlds or for each of its own to be written.
+class ScanLens(Rays):
+    """A table of rays, (rows, columns, 3), of all worlds or for each of its own to be written.
 
     Attributes:
-        directions: (rows, columns, 3), unit.
-        origins: (rows, columns, 3) [m], or None.
-        per_world: Each world has a table.
+        per_world: Each world has a table; all begin as one.
     """
 
-    directions: np.ndarray
-    origins: np.ndarray | None
-    per_world: bool
+    per_world: bool = False
 
     @property
     def differs(self) -> bool:
         return self.per_world
-
-    @property
-    def has_origins(self) -> bool:
-        return self.origins is not None
 
     def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
         return super().starts(width, height, num_worlds, where) if self.origins is None else self.origins[None]
