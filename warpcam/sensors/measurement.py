@@ -61,11 +61,14 @@ class Measurement:
         randomness: Callable[[int, range], Randomness],
         clock: Clock,
     ):
-        self._renderer, self._camera, self._effects = renderer, camera, list(effects)
+        self._renderer, self._camera = renderer, camera
         self._first_stream, self._randomness, self._clock = first_stream, randomness, clock
         if camera not in tuple(renderer.images):
             known = ", ".join(map(repr, renderer.images))
             raise WarpcamError(f"Rig: camera {camera!r} came, the renderer draws {known}")
+        if isinstance(effects, str) or not isinstance(effects, Sequence):
+            raise WarpcamError(f"{self._where}: effects must be a list of effects, got {effects!r}")
+        self._effects = list(effects)
         self._truth: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in renderer.images[camera]}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
