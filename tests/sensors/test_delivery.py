@@ -350,7 +350,7 @@ def test_bad_input_is_refused(effects: Any, message: str) -> None:
 
 def test_bad_times_are_refused() -> None:
     rising = Rising("cpu", sensors.Delivery())
-    for time in ("now", True, np.zeros(2), torch.zeros(3, dtype=torch.float64), torch.zeros((3, 1))):
+    for time in ("now", True, [0, [0, 0]], np.zeros(2), torch.zeros(3, dtype=torch.float64), torch.zeros((3, 1))):
         with pytest.raises(wc.WarpcamError, match=r"time must be a number or float32 \(3,\) \[s\], got"):
             rising.rig.read(time=time)
     assert rising.rig.frames.tolist() == [0, 0, 0] == rising.renderer.frames.tolist()

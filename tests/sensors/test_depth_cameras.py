@@ -147,6 +147,29 @@ def test_models_that_cannot_be_are_refused(changes: dict[str, Any], message: str
         dataclasses.replace(model, **changes)
 
 
+def test_a_model_takes_numbers_of_numpy() -> None:
+    model = sensors.realsense_d435()
+    given: dict[str, Any] = {
+        "width": np.int64(848),
+        "height": np.int32(480),
+        "fx": np.float32(430.0),
+        "near": np.float64(0.3),
+    }
+    top = dataclasses.replace(model, **given).camera("top")
+    assert (top.width, top.height) == (848, 480)
+    effects = (sensors.StereoShadow(0.05, border=np.bool_(True)), sensors.MatchingWindow(0.05, radius=np.int64(2)))  # type: ignore[arg-type]
+    images = []
+    for chain in (effects, (sensors.StereoShadow(0.05), sensors.MatchingWindow(0.05, radius=2))):
+        renderer = wc.Renderer(scene_of("cpu", 1), [camera(outputs=("depth",))])
+        images.append(sensors.Rig(renderer, {"top": chain}).read()["top"]["depth"])
+    assert (images[0] == images[1]).all()
+
+
+def test_a_delivery_needs_no_output() -> None:
+    model = sensors.realsense_d435()
+    assert model.with_effects(*model.effects, sensors.Delivery(rate=30.0)).outputs == ("depth",)
+
+
 def test_mistakes_are_named() -> None:
     with pytest.raises(wc.WarpcamError, match="azure_kinect: mode is 'wide'; allowed are 'nfov_2x2binned'"):
         sensors.azure_kinect("wide")  # type: ignore[arg-type]

@@ -63,6 +63,22 @@ def test_the_angle_is_that_of_the_pixels_ray(device: wp.Device) -> None:
     assert (samples[:, 0, 200] == 0.0).all()
 
 
+@pytest.mark.parametrize(
+    "effect",
+    [
+        sensors.AxialNoise(constant=0.0, quadratic=0.0, angular=0.1),
+        sensors.LateralNoise(constant=0.0, angular=1.0),
+        sensors.GrazingDropout(start=10.0, end=20.0),
+    ],
+)
+def test_depth_without_a_normal_is_seen_head_on(device: wp.Device, effect: sensors.Effect) -> None:
+    depth = np.linspace(1.0, 2.0, 64).reshape(1, 8, 8)
+    measured = DepthBench(effect, device, normal=(0.0, 0.0, 0.0)).measure(depth)
+    np.testing.assert_array_equal(measured, depth.astype(np.float32))
+    tilt = DepthBench(effect, device, normal=tilted(80.0)).measure(depth)
+    assert (tilt != depth.astype(np.float32)).mean() > 0.5
+
+
 def test_lateral_noise_is_that_of_the_lookup(device: wp.Device) -> None:
     columns = np.arange(500, dtype=np.float32) + 1.0
     ramp = np.broadcast_to(columns, SHAPE)

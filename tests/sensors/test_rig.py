@@ -1,5 +1,7 @@
 """A rig: chains of effects, random numbers, masks, parameters and errors."""
 
+import copy
+import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -267,6 +269,8 @@ def test_a_rig_may_be_captured(device: wp.Device) -> None:
         (("noise",), {}, "effects of warpcam.sensors are allowed, got 'noise'"),
         ((Noise(),), {"seed": 0.5}, "seed must be a whole number of 32 bits"),
         ((Noise(),), {"seed": 2**40}, "seed must be a whole number of 32 bits"),
+        ((Noise(),), {"seed": [1, [2, 3]]}, "seed must be a whole number of 32 bits"),
+        ((Noise(),), {"seed": torch.zeros(3, dtype=torch.int32, device="meta")}, "seed must be a whole number of"),
     ],
 )
 def test_bad_input_is_refused(effects: Any, options: dict[str, Any], message: str) -> None:
@@ -284,3 +288,63 @@ def test_unknown_cameras_are_refused() -> None:
         sensors.Rig(None, {"top": [Noise()]})
     with pytest.raises(wc.WarpcamError, match="camera 'front' came, it measures 'top'"):
         sensors.Rig(renderer, {"top": [Noise()]}).parameters("front")
+
+
+@pytest.mark.parametrize("effects", [Noise(), None, 3, "noise"])
+def test_effects_that_are_no_list_are_refused(effects: Any) -> None:
+    renderer = wc.Renderer(scene_of("cpu", 1), [camera(outputs=("depth",))])
+    with pytest.raises(wc.WarpcamError, match="Rig: 'top': effects must be a list of effects, got"):
+        sensors.Rig(renderer, {"top": effects})
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_rig_is_not_copied(copied: Any) -> None:
+    with pytest.raises(wc.WarpcamError, match="Rig: it cannot be copied or pickled"):
+        copied(rig_of(wp.get_device("cpu"), Noise()))
+
+
+class Plain(sensors.Effect):
+    kind = "depth"
+
+
+@dataclass(frozen=True, eq=False)
+class Kindless(sensors.Effect):
+    pass
+
+
+@dataclass(frozen=True, eq=False)
+class Colorful(sensors.Effect):
+    kind = "colors"  # type: ignore[assignment]
+
+
+@dataclass(frozen=True, eq=False)
+class Keeping(sensors.Effect):
+    dtype: Any = wp.float32
+    kind = "depth"
+
+    def bind(self, frame: sensors.EffectFrame) -> Sequence[Stage]:
+        frame.keep("memory", (3,), self.dtype).fill_(7)
+        return []
+
+
+@pytest.mark.parametrize(
+    ("effect", "message"),
+    [
+        (Plain(), "'top': Plain must be a dataclass"),
+        (Kindless(), "'top': Kindless: kind must be one of 'depth', .* got None"),
+        (Colorful(), "'top': Colorful: kind must be one of 'depth', .* got 'colors'"),
+        (Keeping(wp.uint8), "keep: dtype of 'memory' must have 4 bytes or a multiple"),
+        (Keeping(wp.float16), "keep: dtype of 'memory' must have 4 bytes or a multiple"),
+    ],
+)
+def test_effects_of_ones_own_that_cannot_be_are_refused(effect: sensors.Effect, message: str) -> None:
+    with pytest.raises(wc.WarpcamError, match=message):
+        rig_of(wp.get_device("cpu"), effect)
+
+
+@pytest.mark.parametrize("dtype", [wp.float32, wp.int64, wp.float64, wp.vec3, wp.mat33d])
+def test_memory_of_any_wide_dtype_is_forgotten(device: wp.Device, dtype: Any) -> None:
+    rig = rig_of(device, Keeping(dtype))
+    (memory,) = (arrays["memory"] for arrays in rig._measurements["top"]._memories.values())
+    rig.reset([1])
+    assert (memory.numpy()[1] == 0).all() and (memory.numpy()[[0, 2]] == 7).all()

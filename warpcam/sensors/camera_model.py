@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
+import numpy as np
+
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Pinhole
 from warpcam.core.errors import WarpcamError
@@ -58,11 +60,11 @@ class CameraModel(Sequence[Effect]):
         object.__setattr__(self, "effects", effects)
         for name in ("width", "height"):
             value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
                 raise WarpcamError(f"{where}: {name} must be a whole number of pixels, at least 1, got {value!r}")
         for name in ("fx", "fy", "frame_rate", "near", "far"):
             value = getattr(self, name)
-            number = isinstance(value, int | float) and not isinstance(value, bool)
+            number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
             if not number or not 0.0 < value < math.inf:
                 raise WarpcamError(f"{where}: {name} must be a positive number, got {value!r}")
         if self.near >= self.far:
@@ -91,7 +93,7 @@ class CameraModel(Sequence[Effect]):
     @property
     def outputs(self) -> tuple[str, ...]:
         """Outputs of the renderer that the effects need, each once."""
-        changed = ["depth" if effect.kind == "depth" else "rgb" for effect in self.effects]
+        changed = ["depth" if effect.kind == "depth" else "rgb" for effect in self.effects if effect.kind != "delivery"]
         return tuple(dict.fromkeys([*changed, *(name for effect in self.effects for name in effect.reads)]))
 
     def with_effects(self, *effects: Effect) -> "CameraModel":

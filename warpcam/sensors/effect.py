@@ -112,7 +112,13 @@ class EffectFrame:
         return bind_launch(kernel, len(self.worlds), inputs, self.device)
 
     def keep(self, name: str, width: tuple[int, ...], dtype: Any = wp.float32) -> wp.array:
-        """Memory (world, *width) that is 0 at first and after a reset of the world."""
+        """Memory (world, *width) that is 0 at first and after a reset of the world.
+
+        Raises:
+            WarpcamError: The dtype has not 4 bytes or a multiple of it.
+        """
+        if wp.types.type_size_in_bytes(dtype) % 4:
+            raise WarpcamError(f"EffectFrame.keep: dtype of {name!r} must have 4 bytes or a multiple, got {dtype!r}")
         if name not in self.memory:
             self.memory[name] = wp.zeros((len(self.worlds), *width), dtype=dtype, device=self.device)
         return self.memory[name]

@@ -1,8 +1,10 @@
 """The images of one camera on their way through its effects."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import get_args
 
 import warp as wp
 
@@ -12,7 +14,7 @@ from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
-from warpcam.sensors.effect import Effect, EffectFrame, names_of, parameter_array, parameters_of
+from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.memory import shared
@@ -61,11 +63,14 @@ class Measurement:
         randomness: Callable[[int, range], Randomness],
         clock: Clock,
     ):
-        self._renderer, self._camera, self._effects = renderer, camera, list(effects)
+        self._renderer, self._camera = renderer, camera
         self._first_stream, self._randomness, self._clock = first_stream, randomness, clock
         if camera not in tuple(renderer.images):
             known = ", ".join(map(repr, renderer.images))
             raise WarpcamError(f"Rig: camera {camera!r} came, the renderer draws {known}")
+        if isinstance(effects, str) or not isinstance(effects, Sequence):
+            raise WarpcamError(f"{self._where}: effects must be a list of effects, got {effects!r}")
+        self._effects = list(effects)
         self._truth: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in renderer.images[camera]}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
@@ -120,7 +125,7 @@ class Measurement:
         stages = []
         for (_, worlds), memory in self._memories.items():
             for array in memory.values():
-                words = array.flatten().view(wp.int32).reshape((len(worlds), -1))
+                words = shared(array, (len(worlds), array.capacity // (4 * len(worlds))), wp.int32)
                 inputs = [mask[worlds.start : worlds.stop], words]
                 stages.append(bind_launch(kernels.clear, words.size, inputs, self._device))
         return stages
@@ -136,7 +141,14 @@ class Measurement:
             name = type(effect).__name__
             if not isinstance(effect, Effect):
                 raise WarpcamError(f"{self._where}: effects of warpcam.sensors are allowed, got {effect!r}")
+            if not dataclasses.is_dataclass(effect):
+                raise WarpcamError(f"{self._where}: {name} must be a dataclass: @dataclass(frozen=True, eq=False)")
             effect.check(f"{self._where}: {name}")
+            if getattr(effect, "kind", None) not in get_args(Kind):
+                allowed = ", ".join(map(repr, get_args(Kind)))
+                raise WarpcamError(
+                    f"{self._where}: {name}: kind must be one of {allowed}, got {getattr(effect, 'kind', None)!r}"
+                )
             if effect.kind == "delivery":
                 if effect is not self._effects[-1]:
                     raise WarpcamError(f"{self._where}: {name} delivers all images and must be the last effect")

@@ -149,6 +149,9 @@ class Rig:
             raise WarpcamError(f"Rig: camera {camera!r} came, those with a Delivery are: {names}")
         return known[camera]
 
+    def __reduce__(self) -> Any:
+        raise WarpcamError("Rig: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
     def _randomness(self, stream: int, worlds: range) -> Randomness:
         """Seeds and frame counters of some worlds, for an effect with that number."""
         within, randomness = slice(worlds.start, worlds.stop), Randomness()

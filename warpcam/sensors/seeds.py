@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.core import torch_interop
+from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
 
 
@@ -15,10 +15,9 @@ def seeds_of(seed: Any, where: str, num_worlds: int, device: wp.Device) -> wp.ar
     Raises:
         WarpcamError: It is neither; the text begins with ``where``.
     """
-    numbers = np.asarray(torch_interop.to_numpy(seed))
+    name, allowed = f"{where}: seed", f"a whole number of 32 bits, or one for each world, ({num_worlds},)"
+    numbers = as_numbers(seed, name, allowed)
     whole = numbers.dtype.kind in "iu" and numbers.shape in ((), (num_worlds,))
     if not whole or (numbers < -(2**31)).any() or (numbers >= 2**31).any():
-        raise WarpcamError(
-            f"{where}: seed must be a whole number of 32 bits, or one for each world, ({num_worlds},), got {seed!r}"
-        )
+        raise WarpcamError(f"{name} must be {allowed}, got {seed!r}")
     return wp.array(np.broadcast_to(numbers, num_worlds).astype(np.int32), dtype=wp.int32, device=device)

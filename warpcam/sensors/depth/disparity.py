@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
@@ -129,11 +131,19 @@ class MatchingWindow(Effect):
     needs_pinhole = True
 
     def check(self, where: str) -> None:
-        whole = isinstance(self.radius, int) and not isinstance(self.radius, bool)
+        whole = isinstance(self.radius, int | np.integer) and not isinstance(self.radius, bool)
         if not whole or not 1 <= self.radius <= MAX_RADIUS:
             raise WarpcamError(f"{where}: radius must be a whole number from 1 to {MAX_RADIUS}, got {self.radius!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.width, self.radius, params.baseline, params.tolerance, params.share]
+        inputs = [
+            frame.mask,
+            frame.views,
+            frame.width,
+            int(self.radius),
+            params.baseline,
+            params.tolerance,
+            params.share,
+        ]
         return [frame.per_pixel(keep_matches, [*inputs, params.focal_length, frame.source, frame.target])]

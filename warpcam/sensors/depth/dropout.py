@@ -62,7 +62,8 @@ class GrazingDropout(Effect):
     """No measurement where a surface is seen at a grazing angle.
 
     The probability grows from 0 at ``start`` to 1 at ``end``, linearly with the angle between the normal and the ray;
-    all angles above ``start`` are dropped where ``end`` is not beyond it. Needs the camera's ``normals``.
+    all angles above ``start`` are dropped where ``end`` is not beyond it. Pixels without a normal count as seen
+    head-on. Needs the camera's ``normals``.
 
     Attributes:
         start: Angle where dropout begins, 0 is head-on [degrees]; a number or (world,).

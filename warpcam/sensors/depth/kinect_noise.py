@@ -16,7 +16,8 @@ class AxialNoise(Effect):
 
     ``sigma = constant + quadratic (z - start)^2 + angular / sqrt(z) (theta / (pi / 2 - theta))^2``. Source of formula
     and defaults: Nguyen, Izadi and Lovell, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking",
-    3DIMPVT 2012. Angles above 89 degrees count as 89. Needs the camera's ``normals``.
+    3DIMPVT 2012. Angles above 89 degrees count as 89, pixels without a normal as seen head-on: their depth is a
+    neighbour's, by ``LateralNoise``. Needs the camera's ``normals``.
 
     Attributes:
         constant: Least standard deviation [m]; a number or (world,), as all that follow.

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
@@ -35,7 +37,7 @@ class StereoShadow(Effect):
     needs_pinhole = True
 
     def check(self, where: str) -> None:
-        if not isinstance(self.border, bool):
+        if not isinstance(self.border, bool | np.bool_):
             raise WarpcamError(f"{where}: border must be True or False, got {self.border!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:

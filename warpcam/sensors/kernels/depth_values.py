@@ -29,12 +29,16 @@ def resolution(given: wp.float32, view: View) -> wp.float32:
 def incidence(
     view: View, normals: wp.array4d(dtype=wp.float32), world: wp.int32, row: wp.int32, column: wp.int32
 ) -> wp.float32:
-    """Angle between a pixel's ray, turned around, and the normal of the surface that it meets [rad]."""
+    """Angle between a pixel's ray, turned around, and the normal of the surface that it meets [rad].
+
+    0 where it meets none: its depth is then a neighbour's, of an earlier lookup, or of what has no normal.
+    """
     x = (wp.float32(column) + 0.5 - view.center[0]) * view.scale[0]
     y = (view.center[1] - wp.float32(row) - 0.5) * view.scale[1]
     ray = wp.normalize(view.rotation * wp.vec3(x, y, -1.0))
     normal = wp.vec3(normals[world, row, column, 0], normals[world, row, column, 1], normals[world, row, column, 2])
-    return wp.acos(wp.clamp(-wp.dot(ray, normal), 0.0, 1.0))
+    facing = wp.where(wp.length_sq(normal) > 0.0, -wp.dot(ray, normal), 1.0)
+    return wp.acos(wp.clamp(facing, 0.0, 1.0))
 
 
 @wp.func

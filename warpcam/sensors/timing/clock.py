@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
+from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
@@ -45,23 +46,24 @@ class Clock:
         """
         if time is None:
             return self._own
+        name, allowed = "Rig.read: time", f"a number or float32 ({self._num_worlds},) [s]"
         array = torch_interop.as_array(time)
         if array is not None and (array.device == self._device or not array.device.is_cpu):
-            device_rule.require_same(self._device, "the scene is", array.device, "Rig.read: time")
+            device_rule.require_same(self._device, "the scene is", array.device, name)
             if array.dtype is wp.float32 and array.shape == (self._num_worlds,):
                 return array
             came = f"{array.dtype.__name__} {tuple(array.shape)}"
         else:
-            host = np.asarray(torch_interop.to_numpy(time))
-            if host.dtype.kind in "fiu" and host.shape in ((), (self._num_worlds,)):
+            host = as_numbers(time, name, allowed)
+            if host.shape in ((), (self._num_worlds,)):
                 if torch_interop.is_capturing(self._device):
                     raise WarpcamError(
                         "Rig.read: a capture is under way, and a time on the host cannot become part of it; give a "
                         f"float32 tensor ({self._num_worlds},) on {self._device.alias}"
                     )
                 return host.astype(np.float32) if host.shape else float(host)
-            came = repr(time) if host.dtype.kind not in "fiu" else f"{host.dtype} {host.shape}"
-        raise WarpcamError(f"Rig.read: time must be a number or float32 ({self._num_worlds},) [s], got {came}")
+            came = f"{host.dtype} {host.shape}"
+        raise WarpcamError(f"{name} must be {allowed}, got {came}")
 
     def set(self, given: Any) -> None:
         """Take what ``check`` has returned as the time of the frame to come."""
