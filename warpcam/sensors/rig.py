@@ -28,7 +28,8 @@ MAX_THREADS = 2**31
 class Rig:
     """Cameras of a renderer, and what each measures.
 
-    Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing.
+    Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing. A renderer
+    and its rigs are used by one thread at a time, and by one rig where effects read ``flow``.
 
     Args:
         renderer: Draws the cameras.
