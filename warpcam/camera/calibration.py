@@ -101,16 +101,15 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
             f"{where}: PyYAML is not installed, and calibrations need it: pip install 'warpcam[calibration]'"
         ) from error
 
-    class Loader(yaml.SafeLoader):
-        """YAML's plain types; OpenCV's matrices are mappings, and names of cameras texts as they are written."""
+    def construct_mapping(self: Any, node: Any, deep: bool = False) -> Any:
+        for key, value in node.value:
+            if key.value == "camera_name" and value.tag in UNQUOTED:
+                value.tag = "tag:yaml.org,2002:str"
+        return yaml.SafeLoader.construct_mapping(self, node, deep)
 
-        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
-            for key, value in node.value:
-                if key.value == "camera_name" and value.tag in UNQUOTED:
-                    value.tag = "tag:yaml.org,2002:str"
-            return super().construct_mapping(node, deep)
-
-    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", Loader.construct_yaml_map)
+    # YAML's plain types; OpenCV's matrices are mappings, and names of cameras texts as they are written.
+    loader: Any = type("Loader", (yaml.SafeLoader,), {"construct_mapping": construct_mapping})
+    loader.add_constructor("tag:yaml.org,2002:opencv-matrix", loader.construct_yaml_map)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
@@ -119,7 +118,7 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
         raise WarpcamError(f"{where} is XML; allowed are YAML and JSON, which OpenCV writes by the file's suffix")
     text = re.sub(r"^%YAML:.*$", "", text, count=1, flags=re.MULTILINE)  # OpenCV's own header, no directive of YAML
     try:
-        documents = _in_braces(text, Loader) if text.lstrip().startswith("{") else _documents(text, Loader)
+        documents = _in_braces(text, loader) if text.lstrip().startswith("{") else _documents(text, loader)
     except (ValueError, RecursionError) as error:
         raise WarpcamError(f"{where} is neither YAML nor JSON: {str(error) or type(error).__name__}") from error
     if not documents or not isinstance(documents[0], Mapping):
