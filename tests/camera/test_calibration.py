@@ -316,3 +316,37 @@ def test_files_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setitem(sys.modules, "yaml", None)
     with pytest.raises(wc.WarpcamError, match=r"calibrations need it: pip install 'warpcam\[calibration\]'"):
         read(tmp_path, CAMERA_INFO)
+
+
+@pytest.mark.parametrize("name", ["14481234", "00123", "1.50", "2020-01-01", "no", "1:04"])
+def test_names_are_texts_as_they_are_written(tmp_path: Path, name: str) -> None:
+    """Drivers name a camera by its serial number, without quotes."""
+    text = f"camera_name: {name}\n" + CAMERA_INFO.partition("camera_name: narrow_stereo\n")[2]
+    text = text if "image_width" in text else "image_width: 640\nimage_height: 480\n" + text
+    assert read(tmp_path, text).name == name
+    assert read(tmp_path, text, camera=name).name == name
+
+
+def test_yaml_in_braces_and_numbers_that_json_does_not_know(tmp_path: Path) -> None:
+    for text in (
+        "{image_width: 64, image_height: 48, K: [50, 0, 32, 0, 50, 24, 0, 0, 1], D: [0, 0, 0, 0]}",
+        '{"image_width": 64, "image_height": 48, "K": [50., 0., 32., 0., 50., 24., 0., 0., 1.], "D": [0., 0., 0., 0.]}',
+        "# of a camera\n%YAML:1.0\n---\nimage_width: 64\nimage_height: 48\nK: [50, 0, 32, 0, 50, 24, 0, 0, 1]\n"
+        "D: [0, 0, 0, 0]\n",
+    ):
+        calibration = read(tmp_path, text)
+        assert (calibration.width, calibration.height) == (64, 48)
+        assert isinstance(calibration.lens, wc.Pinhole)
+
+
+def test_arguments_of_another_kind(tmp_path: Path) -> None:
+    for path in (None, 5, b"camchain.yaml", ["camchain.yaml"]):
+        with pytest.raises(wc.WarpcamError, match="read_calibration: path must be a str or a path, got"):
+            wc.read_calibration(path)  # type: ignore[arg-type]
+    for text in (CAMCHAIN, CAMERA_INFO):
+        for camera in (True, 1.0, [0], np.array([0, 1])):
+            with pytest.raises(wc.WarpcamError, match="camera must be a name, an index or None, got"):
+                read(tmp_path, text, camera=camera)
+        with pytest.raises(wc.WarpcamError, match="fisheye must be True, False or None, got 'no'"):
+            read(tmp_path, text, fisheye="no")
+    assert read(tmp_path, CAMCHAIN, camera=np.int64(1)).name == "cam1"

@@ -296,6 +296,13 @@ def test_worlds_that_never_ran_return_nothing(device: wp.Device) -> None:
             {"dropout": sensors.LidarDropout(rate=[0.1, 0.2])},
             r"LidarDropout: rate must have shape a number or \(1,\), got \(2,\)",
         ),
+        ({"frame": np.array(["sensor", "world"])}, "Lidar: frame must be 'sensor' or 'world', got array"),
+        ({"alignment": np.array([1, 2])}, "Lidar: alignment must be 'base' or 'yaw' or 'world', got array"),
+        (
+            {"exclude_body": True},
+            "Lidar: exclude_body must be a body's name or index, .*, got True",
+        ),
+        ({"exclude_body": {"a"}}, "Lidar: exclude_body must be a body's name or index"),
         ({"echoes": 2}, "Lidar: 2 echoes need divergence and echo_gap"),
         ({"echoes": 8}, "Lidar: echoes must be a whole number from 1 to 7, got 8"),
         ({"divergence": 0.1}, "Lidar: divergence and echo_gap go together, got 0.1 and None"),

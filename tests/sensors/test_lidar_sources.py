@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scenes
+import torch
 import warp as wp
 from allocation_ledger import Ledger
 from lidar_scenes import downward, floor, host
@@ -140,3 +141,20 @@ def test_reads_compile_and_allocate_nothing(
         lidar.reset(worlds=worlds)
     gc.collect()
     assert ledger.held == held and loads == []
+
+
+@pytest.mark.parametrize("echoes", [1, 3])
+def test_all_outputs_belong_to_clouds(device: wp.Device, echoes: int) -> None:
+    """Echoes make five dimensions of points and normals, and times are one memory of all worlds."""
+    beams = {"echoes": echoes, "divergence": 1.0, "echo_gap": 0.1} if echoes > 1 else {}
+    pattern = patterns.spinning([-30.0, -60.0], columns=8)
+    outputs = ("ranges", "ids", "normals", "points", "times")
+    scan = sensors.Lidar(floor(2, device), pattern, position=(0.0, 0.0, 1.0), outputs=outputs, **beams).read()
+    attributes = {name: scan[name] for name in outputs if name != "points"}
+    cloud = sensors.PointClouds.of(scan["points"], attributes=attributes, num_points=16, method="first").read()
+    assert cloud["count"].tolist() == [16, 16]
+    for world in range(2):
+        pixels = cloud["pixels"][world].long()
+        for name in outputs:
+            given = scan[name][world].reshape(16 * echoes, *cloud[name].shape[2:])
+            assert torch.equal(cloud[name][world], given[pixels])

@@ -194,6 +194,18 @@ ONE = np.array([[(1.0, 0.0, 0.0)]])
         (lambda: patterns.spinning([91.0], columns=3), r"elevations must be \(rows,\) in \[-90, 90\]"),
         (lambda: patterns.spinning([0.0], columns=0), "columns must be a whole number of at least 1, got 0"),
         (lambda: patterns.spinning([0.0], columns=4, azimuths=[1, 2]), r"azimuths must be a finite number or \(1,\)"),
+        (lambda: patterns.spinning([0.0], columns=10**12), "columns must be at most 32767, got 1000000000000"),
+        (lambda: patterns.spinning([0.0], columns=4, start=[1, 2]), r"start must be a finite number, got \[1, 2\]"),
+        (lambda: patterns.spinning([0.0], columns=4, start=math.nan), "start must be a finite number, got nan"),
+        (lambda: patterns.spinning([0.0], columns=4, radius=[1, 2]), r"radius must be a finite number, got \[1, 2\]"),
+        (lambda: patterns.spinning([0.0], columns=4, radius=math.inf), "radius must be a finite number, got inf"),
+        (lambda: patterns.spinning([0.0], columns=4, rate=1e-300), "times must be finite in float32"),
+        (lambda: patterns.rays(ONE, origins=1e300 * ONE), "origins must be finite in float32"),
+        (lambda: patterns.ouster_os1(32.0), "ouster_os1: channels must be 32, 64 or 128, got 32.0"),
+        (lambda: patterns.ouster_os1(np.array([32, 64])), "ouster_os1: channels must be 32, 64 or 128"),
+        (lambda: patterns.ouster_metadata(None), "ouster_metadata: None: cannot be read"),
+        (lambda: patterns.grid((1e9, 1.0), 0.1), "grid: places along an axis must be at most 32767, got 10000000001"),
+        (lambda: patterns.grid((1, 1), 0.1, ordering=np.array(["xy", "yx"])), 'ordering must be "xy" or "yx"'),
         (lambda: patterns.velodyne_vlp16(rate=-1), "rate must be a positive number, got -1"),
         (lambda: patterns.grid(1.0, 0.1), "size must be two lengths"),
         (lambda: patterns.grid((1, 1), 0.0), "resolution must be a positive number"),
@@ -208,10 +220,36 @@ def test_refused(make: Any, text: str) -> None:
         make()
 
 
+@pytest.mark.parametrize("name", ["hesai_xt32", "velodyne_vlp16", "velodyne_vlp32c", "robosense_bpearl"])
+def test_rates_of_which_columns_follow(name: str) -> None:
+    make = getattr(patterns, name)
+    for rate in (0, -1.0, math.nan, math.inf, "a", None, [10.0], True):
+        with pytest.raises(WarpcamError, match=f"{name}: rate must be a positive number, got"):
+            make(rate=rate)
+    for rate in (1e-9, 1e9):
+        with pytest.raises(WarpcamError, match=rf"{name}: rate must be from \d\.\d+ to \d+\.?\d* Hz, got {rate!r}"):
+            make(rate=rate)
+
+
+def test_metadata_that_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "metadata.json"
+    mode = '"lidar_mode": "512x10", "beam_altitude_angles": [0], "beam_azimuth_angles": [0]'
+    for value in ('"x"', "[1, 2]", "{}"):
+        path.write_text(f'{{{mode}, "lidar_origin_to_beam_origin_mm": {value}}}')
+        with pytest.raises(WarpcamError, match="lidar_origin_to_beam_origin_mm must be a finite number, got"):
+            patterns.ouster_metadata(path)
+    path.write_text('{"a":' * 100_000)
+    with pytest.raises(WarpcamError, match=r"metadata\.json: cannot be read"):
+        patterns.ouster_metadata(path)
+
+
 def test_livox_tables_that_are_none(tmp_path: Path) -> None:
     few = livox_file(tmp_path / "few.csv", 10)
     with pytest.raises(WarpcamError, match="at least 12 lines are needed"):
         patterns.livox_csv(few, samples=12)
+    few.write_text("a,b,c\n")
+    with pytest.raises(WarpcamError, match="at least 4 lines are needed"):
+        patterns.livox_csv(few, samples=4)
     few.write_text("a,b\n1,2\n")
     with pytest.raises(WarpcamError, match="three columns"):
         patterns.livox_csv(few, samples=4)

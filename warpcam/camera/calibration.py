@@ -5,10 +5,13 @@ PyYAML parses all of them, OpenCV's dialect, too, so that OpenCV need not be ins
 
 import json
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from warpcam.camera.calibration_fields import Fields
 from warpcam.camera.distorted import Distorted
@@ -23,6 +26,7 @@ COEFFICIENTS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "Distort
 WIDTH = ("image_width", "image_Width", "width")
 HEIGHT = ("image_height", "image_Height", "height")
 SIZE = ("image_size", "imageSize")
+UNQUOTED = tuple(f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "bool", "timestamp"))
 MODELS = ("plumb_bob", "rational_polynomial", "equidistant", "fisheye", "none", "")
 
 
@@ -69,7 +73,13 @@ def read_calibration(
             allowed, the model has no lens here, or the file has several cameras and none was named. The text names the
             file, the key, what came and what is allowed.
     """
+    if not isinstance(path, str | os.PathLike):
+        raise WarpcamError(f"read_calibration: path must be a str or a path, got {path!r}")
     where = f"read_calibration: {os.fspath(path)}"
+    if isinstance(camera, bool) or not isinstance(camera, str | int | np.integer | None):
+        raise WarpcamError(f"{where}: camera must be a name, an index or None, got {camera!r}")
+    if not isinstance(fisheye, bool | None):
+        raise WarpcamError(f"{where}: fisheye must be True, False or None, got {fisheye!r}")
     fields = Fields(_parsed(path, where), where)
     chain = fields.parts(lambda part: "camera_model" in part)
     if chain or fields.find(("camera_model",)):
@@ -91,7 +101,14 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
             f"{where}: PyYAML is not installed, and calibrations need it: pip install 'warpcam[calibration]'"
         ) from error
 
-    loader: Any = type("Loader", (yaml.SafeLoader,), {})  # YAML's plain types, and OpenCV's matrices as mappings
+    def construct_mapping(self: Any, node: Any, deep: bool = False) -> Any:
+        for key, value in node.value:
+            if key.value == "camera_name" and value.tag in UNQUOTED:
+                value.tag = "tag:yaml.org,2002:str"
+        return yaml.SafeLoader.construct_mapping(self, node, deep)
+
+    # YAML's plain types; OpenCV's matrices are mappings, and names of cameras texts as they are written.
+    loader: Any = type("Loader", (yaml.SafeLoader,), {"construct_mapping": construct_mapping})
     loader.add_constructor("tag:yaml.org,2002:opencv-matrix", loader.construct_yaml_map)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
@@ -99,14 +116,10 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
         raise WarpcamError(f"{where} cannot be read: {error}") from error
     if text.lstrip().startswith("<"):
         raise WarpcamError(f"{where} is XML; allowed are YAML and JSON, which OpenCV writes by the file's suffix")
-    if text.startswith("%YAML:"):  # OpenCV's own header, which is no directive of YAML
-        text = text.partition("\n")[2]
+    text = re.sub(r"^%YAML:.*$", "", text, count=1, flags=re.MULTILINE)  # OpenCV's own header, no directive of YAML
     try:
-        if text.lstrip().startswith("{"):
-            documents = [json.loads(text)]
-        else:
-            documents = [each for each in yaml.load_all(text, Loader=loader) if each is not None]
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        documents = _in_braces(text, loader) if text.lstrip().startswith("{") else _documents(text, loader)
+    except (ValueError, RecursionError) as error:
         raise WarpcamError(f"{where} is neither YAML nor JSON: {str(error) or type(error).__name__}") from error
     if not documents or not isinstance(documents[0], Mapping):
         raise WarpcamError(
@@ -115,11 +128,32 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
     return documents[0]
 
 
+def _in_braces(text: str, loader: Any) -> list[Any]:
+    """Read JSON, or else YAML, which also knows numbers like "1." and texts without quotes."""
+    try:
+        return [json.loads(text)]
+    except ValueError as error:
+        try:
+            return _documents(text, loader)
+        except ValueError:
+            raise error from None
+
+
+def _documents(text: str, loader: Any) -> list[Any]:
+    """Documents of YAML that are not empty."""
+    import yaml
+
+    try:
+        return [each for each in yaml.load_all(text, Loader=loader) if each is not None]
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+
+
 def _chosen(names: Sequence[str], camera: str | int | None, where: str) -> str:
     """The name of the camera that was asked for, of those in a chain."""
     if camera is None and len(names) == 1:
         return names[0]
-    if isinstance(camera, int) and not isinstance(camera, bool) and 0 <= camera < len(names):
+    if isinstance(camera, int | np.integer) and 0 <= camera < len(names):
         return names[camera]
     if isinstance(camera, str) and camera in names:
         return camera
@@ -129,7 +163,7 @@ def _chosen(names: Sequence[str], camera: str | int | None, where: str) -> str:
 
 def _only(name: str | None, camera: str | int | None, where: str) -> None:
     """Raise if another camera than the file's only one was asked for."""
-    if camera not in (None, name) and (isinstance(camera, bool) or camera != 0):
+    if camera not in (None, name) and camera != 0:
         has = "one camera without a name" if name is None else f"one camera, {name!r}"
         raise WarpcamError(f"{where}: camera {camera!r} is not there; the file has {has}")
 

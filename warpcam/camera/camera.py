@@ -123,15 +123,7 @@ class Camera:
         return int(value)
 
     def _excluded(self) -> tuple[str | int, ...]:
-        bodies = self.exclude_bodies
-        several = (bodies,) if isinstance(bodies, str | int | np.integer) else bodies
-        if not isinstance(several, Sequence) or not all(
-            isinstance(body, str | int | np.integer) and not isinstance(body, bool) for body in several
-        ):
-            raise WarpcamError(
-                f"{self.where}: exclude_bodies must be a body's name or index, or a sequence of these, got {bodies!r}"
-            )
-        return tuple(several)
+        return bodies_of(self.exclude_bodies, f"{self.where}: exclude_bodies")
 
     def _check_background(self) -> None:
         if self.background is None:
@@ -146,3 +138,17 @@ class Camera:
             )
         one = tuple(float(channel) for channel in color) if color.ndim == 1 else color
         object.__setattr__(self, "background", one)
+
+
+def bodies_of(bodies: Any, where: str) -> tuple[str | int, ...]:
+    """Names or indices of bodies, of one or several.
+
+    Raises:
+        WarpcamError: They are none; the text begins with ``where``.
+    """
+    several = (bodies,) if isinstance(bodies, str | int | np.integer) else bodies
+    if not isinstance(several, Sequence) or not all(
+        isinstance(body, str | int | np.integer) and not isinstance(body, bool) for body in several
+    ):
+        raise WarpcamError(f"{where} must be a body's name or index, or a sequence of these, got {bodies!r}")
+    return tuple(several)

@@ -1,6 +1,5 @@
 """How clouds are made of points that count: checked when it is said."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -14,6 +13,7 @@ Method = Literal["farthest", "uniform", "first"]
 Padding = Literal["repeat", "zeros"]
 Corners = tuple[Sequence[float], Sequence[float]]
 MAX_ID = 2**24  # that may be excluded: a byte for each lower one is kept
+SMALLEST, LARGEST = (float(bound) for bound in (np.finfo(np.float32).tiny, np.finfo(np.float32).max))
 RESERVED = ("points", "count", "pixels")  # names that clouds have in any case
 
 
@@ -37,7 +37,7 @@ class CloudOptions:
                 raise WarpcamError(f"PointClouds: {name} must be one of {', '.join(allowed)}, got {value!r}")
         size = self.voxel_size
         is_number = isinstance(size, int | float | np.number) and not isinstance(size, bool)
-        if size is not None and not (is_number and 0.0 < size < math.inf):
+        if size is not None and not (is_number and SMALLEST <= size <= LARGEST):
             raise WarpcamError(f"PointClouds: voxel_size must be above 0 and finite [m], or None, got {size!r}")
         self.corners()
 
@@ -46,7 +46,8 @@ class CloudOptions:
         if self.bounds is None:
             return np.full(3, -np.inf, np.float32), np.full(3, np.inf, np.float32)
         allowed = "the lowest and the highest corner of a box, ((x, y, z), (x, y, z)) [m]"
-        corners = as_numbers(self.bounds, "PointClouds: bounds", allowed).astype(np.float32)
+        with np.errstate(over="ignore"):  # what float32 cannot hold is infinite: no bound
+            corners = as_numbers(self.bounds, "PointClouds: bounds", allowed).astype(np.float32)
         if corners.shape != (2, 3) or not (corners[0] < corners[1]).all():
             raise WarpcamError(f"PointClouds: bounds must be {allowed}, got {self.bounds!r}")
         return corners[0], corners[1]

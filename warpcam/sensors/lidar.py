@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 import warp as wp
 
-from warpcam.camera.camera import Camera
+from warpcam.camera.camera import Camera, bodies_of
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
@@ -145,7 +145,7 @@ class Lidar:
             ("intensity", intensity, get_args(Intensity)),
             ("sweep", sweep, get_args(Sweep)),
         ):
-            if value not in allowed:
+            if not isinstance(value, str) or value not in allowed:
                 raise WarpcamError(f"Lidar: {name} must be {' or '.join(map(repr, allowed))}, got {value!r}")
         if isinstance(miss, bool) or not isinstance(miss, int | float | np.number):
             raise WarpcamError(f"Lidar: miss must be a number, got {miss!r}")
@@ -168,7 +168,7 @@ class Lidar:
             position=position,
             rotation=rotation,
             far=pattern.max_range,
-            exclude_bodies=exclude_body,
+            exclude_bodies=bodies_of(exclude_body, "Lidar: exclude_body"),
         )
         for body in camera.exclude_bodies:
             scene.body(body, "Lidar: exclude_body")
@@ -288,7 +288,8 @@ class Lidar:
             self.scan[name] = torch_interop.to_torch(array).view((*shape, *ends))
         if "times" in self._outputs:
             times = torch_interop.to_torch(wp.array(self.pattern.times, dtype=wp.float32, device=self._device))
-            self.scan["times"] = (times if self._echoes == 1 else times[..., None]).expand(shape)
+            of_world = times if self._echoes == 1 else times[..., None].expand(shape[1:]).contiguous()
+            self.scan["times"] = of_world.expand(shape)
         self.scan = {name: self.scan[name] for name in self._outputs}
         return scan
 

@@ -81,6 +81,7 @@ class PixelPoints:
                 raise WarpcamError(
                     f"{self.where}: exclude has {name!r}, which is {_told(values)} and no ids: int32 of one channel"
                 )
+            _check_contiguous(values, f"{self.where}: exclude: {name!r}")
             dropped = np.zeros(int(ids.max(initial=0)) + 1, np.uint8)
             dropped[ids] = 1
             table = wp.array(dropped, dtype=wp.uint8, device=device)
@@ -110,6 +111,8 @@ def of_camera(
     if positions is not None and positions not in get_args(Positions):
         raise WarpcamError(f'{where}: positions must be "points", "depth" or None, got {positions!r}')
     own: dict[str, wp.array] = dict(drawn.images)
+    if not isinstance(images, Mapping | None):
+        raise WarpcamError(f"{here}: images must be a dictionary of tensors by output, got {images!r}")
     others = dict({} if images is None else images)
     late = others.pop("frame_age", None) is not None
     for name, value in others.items():
@@ -142,32 +145,57 @@ def of_camera(
 def of_tensors(points: Any, valid: Any, attributes: Mapping[str, Any], where: str) -> PixelPoints:
     """A user's points (world, ..., 3), what is valid of them (world, ...), and what belongs to them."""
     device_rule.resolve()  # starts Warp, which a scene has not done here
-    array = torch_interop.as_array(points)
-    if array is None or array.ndim < 3 or array.shape[-1] != 3 or array.dtype is not wp.float32 or not array.size:
+    shape = _shape(points)
+    array = None
+    if len(shape) > 2 and shape[-1] == 3 and 0 not in shape:
+        array = _merged(points, len(shape) - 1, f"{where}: points")
+    if array is None or array.dtype is not wp.float32:
         raise WarpcamError(f"{where}: points must be float32 (world, ..., 3) on a device, got {_told(points)}")
     _check_contiguous(array, f"{where}: points")
-    size = array.shape[:-1]
-    flat = (size[0], math.prod(size[1:]))
+    size = shape[:-1]
     mask = None
     if valid is not None:
-        mask = torch_interop.as_array(valid)
-        if mask is None or mask.dtype not in (wp.bool, wp.uint8) or mask.shape not in (size, (*size, 1)):
+        fits = _shape(valid) in (size, (*size, 1))
+        mask = _merged(valid, len(size), f"{where}: valid") if fits else None
+        if mask is None or mask.dtype not in (wp.bool, wp.uint8):
             raise WarpcamError(f"{where}: valid must be bool or uint8 {size}, got {_told(valid)}")
         _check_contiguous(mask, f"{where}: valid")
         device_rule.require_same(array.device, "points are", mask.device, f"{where}: valid")
-        mask = (mask if mask.dtype is wp.uint8 else mask.view(wp.uint8)).reshape(flat)
+        mask = (mask if mask.dtype is wp.uint8 else mask.view(wp.uint8)).reshape(mask.shape[:2])
     found = {}
     for name, value in attributes.items():
-        values = torch_interop.as_array(value)
-        if values is None or values.dtype not in DTYPES or values.shape[: len(size)] != size:
+        shape = _shape(value)
+        fits = shape[: len(size)] == size and 0 not in shape
+        values = _merged(value, len(size), f"{where}: attributes: {name}") if fits else None
+        if values is None or values.dtype not in DTYPES:
             allowed = ", ".join(DTYPES.values())
             shapes = f"{size} or {(*size, 'n')}"
             raise WarpcamError(f"{where}: attributes: {name} must be {shapes} of {allowed}, got {_told(value)}")
-        _check_contiguous(values, f"{where}: attributes: {name}")
         device_rule.require_same(array.device, "points are", values.device, f"{where}: attributes: {name}")
-        channels = math.prod(values.shape[len(size) :])
-        found[name] = Attribute(values.reshape((*flat, channels)))
-    return PixelPoints(where, array.reshape((*flat, 3)), found, valid=mask)
+        found[name] = Attribute(values)
+    return PixelPoints(where, array, found, valid=mask)
+
+
+def _shape(value: Any) -> tuple[int, ...]:
+    """Shape of a tensor or a Warp array; () of anything else."""
+    return tuple(value.shape) if torch_interop.is_tensor(value) or isinstance(value, wp.array) else ()
+
+
+def _merged(value: Any, places: int, where: str) -> wp.array | None:
+    """A tensor or Warp array (world, ..., channels) as (world, pixel, channel), in its own memory.
+
+    ``places`` is the number of dimensions before the channels. Worlds may share memory, as an expanded tensor's do.
+    None for dtypes and devices that Warp lacks.
+    """
+    shape = _shape(value)
+    merged = (shape[0], math.prod(shape[1:places]), math.prod(shape[places:]))
+    if isinstance(value, wp.array):
+        _check_contiguous(value, where)
+        return value.reshape(merged)
+    try:
+        return torch_interop.as_array(value.view(merged))
+    except RuntimeError:
+        raise WarpcamError(f"{where} must be contiguous, got strides {value.stride()}") from None
 
 
 def _as_image(value: Any, name: str, own: Mapping[str, wp.array], drawn: DrawnCamera, where: str) -> wp.array:
@@ -194,5 +222,6 @@ def _check_contiguous(array: wp.array, where: str) -> None:
 
 
 def _told(value: Any) -> str:
-    array = torch_interop.as_array(value)
-    return type(value).__name__ if array is None else f"{array.dtype.__name__} {tuple(array.shape)}"
+    if isinstance(value, wp.array):
+        return f"{value.dtype.__name__} {tuple(value.shape)}"
+    return f"{str(value.dtype).removeprefix('torch.')} {_shape(value)}" if _shape(value) else type(value).__name__

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.sensors.patterns.pattern import Pattern, positive
+from warpcam.sensors.patterns.pattern import Pattern, periods_of
 from warpcam.sensors.patterns.spinning import spinning
 
 # Time of one round of firings [s]: RS-Bpearl User Manual 2.0.1, chapter 9.
@@ -19,6 +19,7 @@ def robosense_bpearl(columns: int | None = None, rate: float = 10.0) -> Pattern:
         columns: Rays of each beam in a turn; as many as there are rounds, 1801 at 10 Hz, unless given.
         rate: Turns a second [Hz].
     """
-    rate = positive(rate, "robosense_bpearl: rate")
+    if columns is None:
+        columns = int(periods_of(rate, BPEARL_CYCLE, "robosense_bpearl: rate"))
     elevations = 89.5 - 2.8125 * np.arange(32)
-    return spinning(elevations, columns=int(1.0 / (rate * BPEARL_CYCLE)) if columns is None else columns, rate=rate)
+    return spinning(elevations, columns=columns, rate=rate)

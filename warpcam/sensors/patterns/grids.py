@@ -7,7 +7,7 @@ import numpy as np
 
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
-from warpcam.sensors.patterns.pattern import Pattern, positive
+from warpcam.sensors.patterns.pattern import Pattern, columns_of, positive
 
 
 def grid(
@@ -37,9 +37,10 @@ def grid(
     along = as_numbers(direction, "grid: direction")
     if along.shape != (3,) or not np.isfinite(along).all() or not along.any():
         raise WarpcamError(f"grid: direction must be (3,) and not of length 0, got {direction!r}")
-    if ordering not in ("xy", "yx"):
+    if not isinstance(ordering, str) or ordering not in ("xy", "yx"):
         raise WarpcamError(f'grid: ordering must be "xy" or "yx", got {ordering!r}')
-    x, y = (-0.5 * length + step * np.arange(math.floor(length / step + 1e-6) + 1) for length in extent)
+    counts = [columns_of(math.floor(length / step + 1e-6) + 1, "grid: places along an axis") for length in extent]
+    x, y = (-0.5 * length + step * np.arange(count) for length, count in zip(extent, counts, strict=True))
     places = np.stack((*np.meshgrid(x, y), np.zeros((len(y), len(x)))), axis=-1)
     origins = places if ordering == "xy" else places.transpose(1, 0, 2)
     return Pattern(np.broadcast_to(along, origins.shape), origins=origins, max_range=max_range)

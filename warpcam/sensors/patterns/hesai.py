@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.sensors.patterns.pattern import Pattern
+from warpcam.sensors.patterns.pattern import Pattern, periods_of
 from warpcam.sensors.patterns.spinning import spinning
 
 # Of the XT32 [s]: tier4/nebula, pandar_xt32.hpp: from column to column, and of beams after their column's beginning.
@@ -40,7 +40,7 @@ def hesai_xt32(rate: float = 10.0) -> Pattern:
     """
     return spinning(
         15.0 - np.arange(32),
-        columns=round(1.0 / (rate * XT32_PERIOD)),
+        columns=round(periods_of(rate, XT32_PERIOD, "hesai_xt32: rate")),
         rate=rate,
         period=XT32_PERIOD,
         row_times=XT32_FIRST + XT32_FIRING * np.arange(32),

@@ -1,6 +1,7 @@
 """Livox's lidars, whose rays never repeat, from the maker's own tables."""
 
 import math
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,9 @@ def livox_csv(
     if samples % rows:
         raise WarpcamError(f"livox_csv: rows must divide samples, got {rows} and {samples}")
     try:
-        numbers = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without lines, whose shape tells it below
+            numbers = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except (OSError, ValueError) as error:
         raise WarpcamError(f"{where}: cannot be read: {error}") from None
     if numbers.shape[1:] != (3,) or len(numbers) < samples or not np.isfinite(numbers).all():

@@ -25,7 +25,7 @@ class Pattern:
         rings: (rows,) int32, the device's own number of each row; from 0 on unless given.
         rate: Sweeps a second, positive [Hz]; None where nothing depends on it.
         min_range: Nothing nearer gives a return; at least 0 [m].
-        max_range: Nothing farther gives a return; beyond ``min_range``, may be inf [m].
+        max_range: Nothing there or farther gives a return; beyond ``min_range``, may be inf [m].
         table: (n, 3) float32, directions of a sweep that takes ``rows * columns`` of them at each read, column after
             column, and goes on where the last read of any worlds ended; None: all reads have the same directions.
     """
@@ -50,9 +50,9 @@ class Pattern:
         set_to = object.__setattr__
         set_to(self, "directions", unit(directions).astype(np.float32))
         if self.origins is not None:
-            set_to(self, "origins", _table(self.origins, "origins", (rows, columns, 3)).astype(np.float32))
+            set_to(self, "origins", _float32(_table(self.origins, "origins", (rows, columns, 3)), "origins"))
         times = np.zeros((rows, columns)) if self.times is None else _table(self.times, "times", (rows, columns))
-        set_to(self, "times", times.astype(np.float32))
+        set_to(self, "times", _float32(times, "times"))
         rings = np.arange(rows) if self.rings is None else _table(self.rings, "rings", (rows,))
         set_to(self, "rings", rings.astype(np.int32))
         if self.rate is not None:
@@ -111,6 +111,35 @@ def positive(value: Any, where: str) -> float:
     return float(value)
 
 
+def number_of(value: Any, where: str) -> float:
+    """A finite number."""
+    given = as_numbers(value, where, "a finite number")
+    if given.shape != () or not np.isfinite(given):
+        raise WarpcamError(f"{where} must be a finite number, got {value!r}")
+    return float(given)
+
+
+def columns_of(value: Any, where: str) -> int:
+    """Number of columns: whole, and so few that a pattern may have them."""
+    columns = count_of(value, where)
+    if columns > MOST_PIXELS:
+        raise WarpcamError(f"{where} must be at most {MOST_PIXELS}, got {value!r}")
+    return columns
+
+
+def periods_of(rate: Any, period: float, where: str) -> float:
+    """How often a period [s] lies in a turn of that rate [Hz].
+
+    Raises:
+        WarpcamError: The rate is not positive, or a turn has more periods than a pattern may have columns, or none.
+    """
+    periods = 1.0 / (positive(rate, where) * period)
+    if not 1.0 <= periods <= MOST_PIXELS:
+        least, most = 1.0 / (MOST_PIXELS * period), 1.0 / period
+        raise WarpcamError(f"{where} must be from {least:.3g} to {most:.6g} Hz, got {rate!r}")
+    return periods
+
+
 def count_of(value: Any, where: str) -> int:
     """A whole number of at least 1."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
@@ -127,6 +156,14 @@ def _table(value: Any, name: str, shape: tuple[int, ...] | None) -> np.ndarray:
     if not np.isfinite(given).all():
         raise WarpcamError(f"Pattern: {name} must be finite, got {given[~np.isfinite(given)][0]}")
     return given
+
+
+def _float32(given: np.ndarray, name: str) -> np.ndarray:
+    with np.errstate(over="ignore"):
+        values: np.ndarray = given.astype(np.float32)
+    if not np.isfinite(values).all():
+        raise WarpcamError(f"Pattern: {name} must be finite in float32, got {given[~np.isfinite(values)][0]}")
+    return values
 
 
 def _number(value: Any, name: str) -> float:

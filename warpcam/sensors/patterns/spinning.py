@@ -9,10 +9,11 @@ import numpy as np
 
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
-from warpcam.sensors.patterns.pattern import Pattern, count_of, positive
+from warpcam.sensors.patterns.pattern import Pattern, columns_of, number_of, positive
 
 OUSTER_MODES = ((512, 10), (512, 20), (1024, 10), (1024, 20), (2048, 10))  # columns and rate
 OUSTER_CHANNELS = (32, 64, 128)
+ORIGIN = "lidar_origin_to_beam_origin_mm"  # of ouster_metadata
 
 
 def spinning(
@@ -53,10 +54,10 @@ def spinning(
     if angles.ndim != 1 or not angles.size or not (np.abs(angles) <= 90.0).all():
         raise WarpcamError(f"spinning: elevations must be (rows,) in [-90, 90] degrees, got {elevations!r}")
     rows = len(angles)
-    columns, rate = count_of(columns, "spinning: columns"), positive(rate, "spinning: rate")
+    columns, rate = columns_of(columns, "spinning: columns"), positive(rate, "spinning: rate")
     offsets, delays = _per_row(azimuths, rows, "azimuths"), _per_row(row_times, rows, "row_times")
-    span, start = positive(span, "spinning: span"), float(as_numbers(start, "spinning: start"))
-    radius = float(as_numbers(radius, "spinning: radius"))
+    span, start = positive(span, "spinning: span"), number_of(start, "spinning: start")
+    radius = number_of(radius, "spinning: radius")
     each = 1.0 / (rate * columns) if period is None else positive(period, "spinning: period")
     times = each * np.arange(columns)[None] + delays[:, None]
     turned = span / columns / each * times if period is None else 360.0 * rate * times
@@ -141,7 +142,7 @@ def ouster_metadata(path: str | Path, *, min_range: float = 0.0, max_range: floa
     where = f"ouster_metadata: {path}"
     try:
         data = json.loads(Path(path).read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, TypeError, ValueError, RecursionError) as error:
         raise WarpcamError(f"{where}: cannot be read: {error}") from None
     found = {name: _find(data, name) for name in ("beam_altitude_angles", "beam_azimuth_angles", "lidar_mode")}
     if missing := [name for name, value in found.items() if value is None]:
@@ -149,20 +150,21 @@ def ouster_metadata(path: str | Path, *, min_range: float = 0.0, max_range: floa
     columns, _, rate = str(found["lidar_mode"]).partition("x")
     if not (columns.isdecimal() and rate.isdecimal()):
         raise WarpcamError(f"{where}: lidar_mode must be like 1024x10, got {found['lidar_mode']!r}")
+    origin = _find(data, ORIGIN)
     return spinning(
         found["beam_altitude_angles"],
         columns=int(columns),
         rate=float(rate),
         azimuths=-as_numbers(found["beam_azimuth_angles"], f"{where}: beam_azimuth_angles"),
         start=180.0,
-        radius=1e-3 * float(_find(data, "lidar_origin_to_beam_origin_mm") or 0.0),
+        radius=1e-3 * (0.0 if origin is None else number_of(origin, f"{where}: {ORIGIN}")),
         min_range=min_range,
         max_range=max_range,
     )
 
 
 def _ouster(name: str, fov: float, channels: int, columns: int, rate: float, ranges: tuple[float, float]) -> Pattern:
-    if channels not in OUSTER_CHANNELS:
+    if isinstance(channels, bool) or not isinstance(channels, int | np.integer) or channels not in OUSTER_CHANNELS:
         raise WarpcamError(f"{name}: channels must be 32, 64 or 128, got {channels!r}")
     if (columns, rate) not in OUSTER_MODES:
         allowed = ", ".join(f"{width} x {each}" for width, each in OUSTER_MODES)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warpcam.sensors.patterns.pattern import Pattern, positive
+from warpcam.sensors.patterns.pattern import Pattern, periods_of
 from warpcam.sensors.patterns.spinning import spinning
 
 # Time of one round of firings, and from one firing to the next [s]: ros-drivers/velodyne, velodyne_pointcloud/
@@ -66,13 +66,12 @@ def velodyne_hdl64e(columns: int = 2083, rate: float = 10.0) -> Pattern:
 def _velodyne(
     name: str, elevations: tuple[float, ...], azimuths: np.ndarray, delays: np.ndarray, rate: float, far: float
 ) -> Pattern:
-    rate = positive(rate, f"{name}: rate")
     angles = np.array(elevations, np.float64)
     order = np.argsort(-angles)
     rings = np.argsort(np.argsort(angles))[order]  # Velodyne's drivers count rings from the lowest beam
     return spinning(
         angles[order],
-        columns=int(1.0 / (rate * CYCLE)),
+        columns=int(periods_of(rate, CYCLE, f"{name}: rate")),
         rate=rate,
         azimuths=azimuths[order],
         period=CYCLE,
