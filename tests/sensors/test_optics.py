@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+import torch
 import warp as wp
-from measured_colors import measured, picture
+from measured_colors import Bench, measured, picture
 from small_scene import camera, scene_of
 
 import warpcam as wc
@@ -91,6 +92,18 @@ def test_small_images_have_neighbors_of_their_own(shape: tuple[int, int], device
     found = measured(sensors.ChromaticAberration(1.5, 0.6), light, device)
     assert np.allclose(found[0, ..., 0], magnified(light[0, ..., 0], 1.5), atol=1e-5)
     assert np.allclose(measured(sensors.Blur(1.0), light, device)[0], blurred(light[0], 1.0), atol=1e-5)
+
+
+def test_a_blur_that_is_written_in_place_stays_bounded(device: wp.Device) -> None:
+    """No thread goes through more pixels than the widest Gaussian has, whatever is written."""
+    light = picture(worlds=5)
+    sigma = torch.full((5,), 10.0, device=wp.device_to_torch(device))
+    measure = Bench(sensors.Blur(sigma), light, device)
+    widest = measure().copy()
+    sigma[:] = torch.tensor([10.5, 300.0, 3000.0, float("nan"), -1.0])
+    found = measure()
+    assert (found[:3] == widest[:3]).all()
+    assert (found[3:] == light[3:]).all() and (widest[3:] != light[3:]).any()
 
 
 def test_blur_is_a_gaussian(device: wp.Device) -> None:

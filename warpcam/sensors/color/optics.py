@@ -8,11 +8,8 @@ import warp as wp
 
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.neighborhoods import blur_columns, blur_rows, sharpen, shift_channels
+from warpcam.sensors.kernels.neighborhoods import MAX_SIGMA, blur_lines, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
-
-# Standard deviation of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read.
-MAX_SIGMA = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +95,8 @@ class Blur(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         rows, stage = bind_rows(frame)
-        inputs = [frame.mask, frame.params.sigma, frame.width, rows, frame.target]
-        return [stage, frame.per_pixel(blur_columns, inputs)]
+        inputs = [frame.mask, frame.params.sigma, frame.width, 1, rows, frame.target]
+        return [stage, frame.per_pixel(blur_lines, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,5 +123,5 @@ class Sharpening(Effect):
 def bind_rows(frame: EffectFrame) -> tuple[wp.array, Stage]:
     """An image blurred along its rows, and the stage that writes it; its columns are left to a second stage."""
     rows = wp.empty_like(frame.source)
-    inputs = [frame.mask, frame.params.sigma, frame.width, frame.source, rows]
-    return rows, frame.per_pixel(blur_rows, inputs)
+    inputs = [frame.mask, frame.params.sigma, frame.width, 0, frame.source, rows]
+    return rows, frame.per_pixel(blur_lines, inputs)

@@ -7,6 +7,8 @@ from warpcam.kernels.runtime.indices import row_and_column
 
 wp.set_module_options(compiler_flags())
 
+MAX_SIGMA = 10.0  # of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read
+
 
 @wp.func
 def blurred(
@@ -29,16 +31,17 @@ def blurred(
         step: From a pixel of the line to the next.
         count: Pixels of the line.
         place: Number of the pixel in the line.
-        sigma: Standard deviation [pixels].
+        sigma: Standard deviation [pixels]; more than MAX_SIGMA counts as that, and NaN as 0.
     """
     total = image[world, begin + place * step]
-    if sigma <= 0.0:
+    if not sigma > 0.0:
         return total
-    ratio = wp.exp(-0.5 / (sigma * sigma))
+    spread = wp.min(sigma, wp.static(MAX_SIGMA))
+    ratio = wp.exp(-0.5 / (spread * spread))
     growth = ratio * ratio
     weight = wp.float32(1.0)
     weights = wp.float32(1.0)
-    for distance in range(1, wp.int32(wp.ceil(3.0 * sigma)) + 1):
+    for distance in range(1, wp.int32(wp.ceil(3.0 * spread)) + 1):
         weight *= ratio  # ratio^(distance^2), whose exponent grows by 1, 3, 5, ...
         ratio *= growth
         before = image[world, begin + wp.max(place - distance, 0) * step]
@@ -49,35 +52,24 @@ def blurred(
 
 
 @wp.kernel(enable_backward=False)
-def blur_rows(
+def blur_lines(
     mask: wp.array(dtype=wp.uint8),
     sigma: wp.array(dtype=wp.float32),
     width: wp.int32,
+    is_down: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
+    """Blur along the rows of an image, or down its columns."""
     world, pixel = row_and_column(first + wp.tid(), source.shape[1])
     if mask[world] == wp.uint8(0):
         return
     row, column = row_and_column(pixel, width)
-    target[world, pixel] = blurred(source, world, row * width, 1, width, column, sigma[world])
-
-
-@wp.kernel(enable_backward=False)
-def blur_columns(
-    mask: wp.array(dtype=wp.uint8),
-    sigma: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
-    first: wp.int32,
-):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] == wp.uint8(0):
-        return
-    row, column = row_and_column(pixel, width)
-    target[world, pixel] = blurred(source, world, column, width, source.shape[1] // width, row, sigma[world])
+    if is_down != 0:
+        target[world, pixel] = blurred(source, world, column, width, source.shape[1] // width, row, sigma[world])
+    else:
+        target[world, pixel] = blurred(source, world, row * width, 1, width, column, sigma[world])
 
 
 @wp.kernel(enable_backward=False)
