@@ -1,9 +1,8 @@
-"""All effects on colours: worlds that are left alone, parameters in place, seeds, chains in a rig, compilation."""
+"""All effects on colours: worlds that are left alone, parameters in place, seeds, chains in a rig."""
 
 import importlib
 import inspect
 import pkgutil
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ import warpcam as wc
 from warpcam import sensors
 from warpcam.kernels.types import View
 from warpcam.sensors import color
-from warpcam.sensors import kernels as kernel_modules
 from warpcam.sensors.effect import parameters_of
 
 EMVA: dict[str, Any] = {
@@ -186,12 +184,3 @@ def test_curves_end_linear_light() -> None:
 def test_bad_parameters_are_refused(effect: sensors.Effect, message: str) -> None:
     with pytest.raises(wc.WarpcamError, match=message):
         measured(effect, picture(), wp.get_device("cpu"))
-
-
-@pytest.mark.parametrize("name", [entry.name for entry in pkgutil.iter_modules(kernel_modules.__path__)])
-def test_kernels_compile_for_a_gpu(name: str, tmp_path: Path) -> None:
-    module = importlib.import_module(f"{kernel_modules.__name__}.{name}")
-    kernels = [value for value in vars(module).values() if isinstance(value, wp.Kernel)]
-    for each in {kernel.module for kernel in kernels}:
-        (path,) = wp.compile_aot_module(each, arch=90, module_dir=tmp_path, use_ptx=True)
-        assert path.stat().st_size > 0

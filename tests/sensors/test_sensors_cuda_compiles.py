@@ -22,3 +22,8 @@ def test_kernels_compile_for_cuda(name: str, tmp_path: Path) -> None:
         assert module.options["cpu_compiler_flags"] == compiler_flags()["cpu_compiler_flags"]
         (path,) = wp.compile_aot_module(module, arch=ARCH, module_dir=tmp_path / module.name, use_ptx=True)
         assert path.stat().st_size > 0
+
+
+def test_there_are_kernels() -> None:
+    kernels_of = [vars(importlib.import_module(name)).values() for name in MODULES]
+    assert sum(any(isinstance(value, wp.Kernel) for value in values) for values in kernels_of) > 4
