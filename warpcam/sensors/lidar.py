@@ -94,6 +94,9 @@ class Lidar:
             scene is as it is now in both. Each world takes 32 bytes for each ray then. The first read of a world, and
             that after a reset, is instant.
         exclude_body: A body that the sensor does not see, as its own housing, or several; name or index.
+        far_sides: Whether a ray that begins within a sphere, capsule, ellipsoid, cylinder or box meets its far side, as
+            MuJoCo's rays do; the normal there points outwards. Else it sees out. Not with "intensities",
+            ``divergence``, ``sweep="moving"`` and patterns of a table.
         seed: Whole number, or int32 (world,), one for each world. Random numbers follow from it, the world, how often
             the world was read, and the ray alone, whatever the number of worlds. Lidars with the same seed have the
             same numbers: give each of a robot's its own.
@@ -132,6 +135,7 @@ class Lidar:
         echo_gap: float | None = None,
         sweep: Sweep = "instant",
         exclude_body: str | int | Sequence[str | int] = (),
+        far_sides: bool = False,
         seed: Any = 0,
         graph: bool = True,
     ):
@@ -157,6 +161,8 @@ class Lidar:
         moves = sweep == "moving"
         if moves and pattern.rate is None:
             raise WarpcamError('Lidar: sweep="moving" needs a pattern with a rate, which says when each ray is sent')
+        if far_sides:
+            _check_far_sides(self._outputs, pattern, divergence, moves)
         origins = np.zeros_like(traced.directions) if moves and traced.origins is None else traced.origins
         parallel = None if moves or divergence is not None else parallel_lens(pattern)
         camera = Camera(
@@ -202,6 +208,7 @@ class Lidar:
             gap=0.0 if echo_gap is None else float(echo_gap),
             moves=moves,
             reach=reach_of(traced.origins),
+            far_sides=bool(far_sides),
         )
         self.renderer = ScanRenderer(scene, camera, setup, graph=graph)
         arrays = {
@@ -362,6 +369,18 @@ def _check_echoes(echoes: Any, divergence: Any, gap: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < highest:
             raise WarpcamError(f"Lidar: {name} must be a number in (0, {highest:g}), got {value!r}")
     return int(echoes)
+
+
+def _check_far_sides(outputs: Sequence[str], pattern: Pattern, divergence: Any, moves: bool) -> None:
+    """Raise for what goes by what is seen out of shapes."""
+    for name, given in (
+        ('outputs with "intensities"', "intensities" in outputs),
+        ("divergence", divergence is not None),
+        ('sweep="moving"', moves),
+        ("a pattern that has a table", pattern.table is not None),
+    ):
+        if given:
+            raise WarpcamError(f"Lidar: far_sides and {name} do not go together")
 
 
 def _model(name: str, given: Any, kind: type) -> Any:

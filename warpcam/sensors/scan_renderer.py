@@ -13,6 +13,7 @@ from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
+from warpcam.sensors.kernels.far_sides import bind_far_sides
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.kernels.scan_echoes import SPREAD
 
@@ -39,6 +40,7 @@ class ScanSetup:
         gap: Between echoes [m].
         moves: Rays are sent on the way from the last pose to this.
         reach: How far from the sensor's position rays begin at most [m].
+        far_sides: Rays that begin within a solid shape meet its far side.
     """
 
     mount: Any
@@ -51,6 +53,7 @@ class ScanSetup:
     gap: float
     moves: bool
     reach: float
+    far_sides: bool
 
 
 class ScanRenderer(Renderer):
@@ -104,6 +107,10 @@ class ScanRenderer(Renderer):
         randomness.stream = STREAM
         setup.params.max_range = self.max_range
         stages = []
+        if setup.far_sides:
+            tables = self._bindings[CAMERA].camera_tables(self._scene.tables())
+            shapes, materials = tables.shapes, tables.materials
+            stages.append(bind_far_sides(mask, shapes, materials, setup.rays, setup.poses, traced, worlds, device))
         if setup.echoes.spread:
             inputs = [mask, setup.rays, setup.poses, traced, setup.params, setup.gap, setup.echoes]
             stages.append(bind_launch(scan_echoes.find_echoes, worlds * pixels // SPREAD, inputs, device))

@@ -1,13 +1,7 @@
-"""mjlab's camera sensor, traced by warpcam: ``from warpcam.compat.mjlab import CameraSensorCfg``.
+"""mjlab's camera sensor."""
 
-The configuration and the sensor are mjlab's own but for who draws: see docs/compat/mjlab.md. Importing this has
-``Simulation.sense`` draw these sensors beside whatever else it does.
-"""
-
-import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import wraps
 from typing import Any
 
 import mujoco
@@ -16,11 +10,10 @@ import warp as wp
 from mjlab.sensor import CameraSensor as MjlabSensor
 from mjlab.sensor import CameraSensorCfg as MjlabCfg
 from mjlab.sensor.camera_sensor import CameraSensorData as MjlabData
-from mjlab.sim import Simulation
-from mjlab.sim.sim_data import WarpBridge
 
 import warpcam as wc
 from warpcam.compat.common import packing
+from warpcam.compat.mjlab.simulations import sensors_of
 from warpcam.compat.mujoco_warp.arguments import read_groups
 from warpcam.compat.mujoco_warp.context import CameraSettings, farthest_of, load_groups
 from warpcam.core import torch_interop
@@ -80,17 +73,14 @@ class CameraSensor(MjlabSensor):
 
     def __init__(self, cfg: CameraSensorCfg):
         super().__init__(cfg)
-        self._cameras: _Cameras | None = None
+        self._cameras: Cameras | None = None
         self._images: dict[str, torch.Tensor] = {}
 
     def initialize(self, mj_model: mujoco.MjModel, model: Any, data: Any, device: str) -> None:
         super().initialize(mj_model, model, data, device)
-        m, d = _struct_of(model), _struct_of(data)
-        cameras = _simulations.get(id(d))
-        if cameras is None or cameras.data is not d:
-            cameras = _simulations[id(d)] = _Cameras(mj_model, m, d)
-        cameras.add(self)
-        self._cameras = cameras
+        self._simulation = sensors_of(mj_model, model, data)
+        self._cameras = self._simulation.part(Cameras)
+        self._cameras.add(self)
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> None:
         super().reset(env_ids)
@@ -118,7 +108,7 @@ class _Kind:
     transparency: bool | None
 
 
-class _Cameras:
+class Cameras:
     """All camera sensors of one simulation.
 
     Those that draw the same things share a scene, and a frame of it but for those of one camera.
@@ -221,49 +211,3 @@ class _Cameras:
         for stage in stages:
             stage.prepare()
         return renderer, stages
-
-
-# Alive as long as a sensor of theirs is.
-_simulations: weakref.WeakValueDictionary[int, _Cameras] = weakref.WeakValueDictionary()
-
-
-def use(cfg: Any, **more: Any) -> Any:
-    """Have the camera sensors of a task's configuration drawn by warpcam.
-
-    Args:
-        cfg: mjlab's ManagerBasedRlEnvCfg, or its SceneCfg; changed in place.
-        **more: Chosen for all of them, those that are ours already too: ``antialiasing`` and the like.
-
-    Returns:
-        ``cfg``.
-    """
-    scene = getattr(cfg, "scene", cfg)
-    scene.sensors = tuple(
-        CameraSensorCfg.of(sensor, **more) if type(sensor) in (MjlabCfg, CameraSensorCfg) else sensor
-        for sensor in scene.sensors or ()
-    )
-    return cfg
-
-
-def _struct_of(bridge: Any) -> Any:
-    """Return the struct that mjlab's bridge to torch wraps."""
-    return bridge.struct if isinstance(bridge, WarpBridge) else bridge
-
-
-def _sense_too() -> None:
-    if hasattr(Simulation.sense, "_of_warpcam"):
-        return
-    sense = Simulation.sense
-
-    @wraps(sense)
-    def sense_and_draw(self: Simulation) -> None:
-        sense(self)
-        cameras = _simulations.get(id(self.wp_data))
-        if cameras is not None and cameras.data is self.wp_data:
-            cameras.render()
-
-    sense_and_draw._of_warpcam = True  # type: ignore[attr-defined]
-    Simulation.sense = sense_and_draw
-
-
-_sense_too()

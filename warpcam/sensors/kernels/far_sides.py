@@ -1,0 +1,38 @@
+"""Rays that begin within a solid shape meet its far side: see native/sensors/far_sides.h."""
+
+from typing import Any
+
+import warp as wp
+
+from warpcam.kernels.runtime.compile import native_module
+from warpcam.kernels.runtime.kernels import make_kernel
+from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.types import Materials, Shapes
+from warpcam.sensors.kernels.scan_measurement import TracedScan
+from warpcam.sensors.kernels.scan_poses import ScanPoses
+from warpcam.sensors.kernels.scan_rays import ScanRays
+
+RUN = 32  # rays of a thread
+
+meet_far_sides = make_kernel(
+    "meet_far_sides",
+    "warpcam::meet_far_sides(mask, shapes, materials, rays, poses, traced, index);",
+    {
+        "mask": wp.array(dtype=wp.uint8),
+        "shapes": Shapes,
+        "materials": Materials,
+        "rays": ScanRays,
+        "poses": ScanPoses,
+        "traced": TracedScan,
+    },
+    native_module("sensors/far_sides.h"),
+)
+
+
+def bind_far_sides(
+    mask: wp.array, shapes: Any, materials: Any, rays: Any, poses: Any, traced: Any, num_worlds: int, device: wp.Device
+) -> Stage:
+    """The stage that puts far sides in place of what ``traced`` has behind them."""
+    runs = -(-rays.rows * rays.columns // RUN)
+    inputs = [mask, shapes, materials, rays, poses, traced]
+    return bind_launch(meet_far_sides, num_worlds * runs, inputs, device)
