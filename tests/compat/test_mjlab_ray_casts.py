@@ -2,11 +2,13 @@
 
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
+import warp as wp
 
 import warpcam as wc
 
@@ -24,6 +26,7 @@ from mjlab.sensor import GridPatternCfg, ObjRef, PinholeCameraPatternCfg, RingPa
 from mjlab.tasks.cartpole.cartpole_env_cfg import cartpole_balance_env_cfg  # noqa: E402
 
 from warpcam.compat import mjlab as ours  # noqa: E402
+from warpcam.compat.mjlab import kernels  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # mjlab's own
 
@@ -201,6 +204,11 @@ def test_rays_are_drawn_for_debugging() -> None:
     np.testing.assert_allclose(np.array(drawn[1].arrows), np.array(drawn[0].arrows), atol=1e-4)
     np.testing.assert_allclose(np.array(drawn[1].spheres), np.array(drawn[0].spheres), atol=1e-4)
     env.close()
+
+
+def test_kernels_compile_for_cuda(tmp_path: Path) -> None:
+    (path,) = wp.compile_aot_module(kernels.place_frame.module, arch=90, module_dir=tmp_path, use_ptx=True)
+    assert path.stat().st_size > 0
 
 
 @pytest.mark.parametrize(

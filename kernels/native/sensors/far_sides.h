@@ -56,26 +56,47 @@ WARPCAM_DEVICE ExitHit exit_of(const SolidShape& solid, Vec3 start, Vec3 directi
     return exit;
 }
 
-// Put exits in place of what rays meet behind them; a thread for each run of rays of each world. Images of rays may be
-// upside down, see ScanRays.
-template <class Shapes, class Materials, class Rays, class Poses, class Traced>
-WARPCAM_DEVICE void meet_far_sides(const wp::array_t<uint8_t>& mask, const Shapes& shapes, const Materials& materials,
-                                   const Rays& rays, const Poses& poses, const Traced& traced, int index)
+// Rays of a lidar in one world. Images of rays may be upside down, see ScanRays.
+template <class Rays, class Poses> struct RaysOfLidar {
+    const Rays& rays;
+    const Poses& poses;
+    int world;
+
+    WARPCAM_DEVICE Vec3 turned(Vec3 v) const
+    {
+        const wp::vec3 local { v.x, v.y, v.z };
+        return as_vec3(wp::quat_rotate(wp::index(poses.rotations, world), local));
+    }
+    WARPCAM_DEVICE Vec3 start(int ray) const
+    {
+        const Vec3 position = as_vec3(wp::index(poses.positions, world));
+        return rays.origins.shape[0] > 0 ? position + turned(as_vec3(wp::index(rays.origins, ray))) : position;
+    }
+    WARPCAM_DEVICE Vec3 direction(int ray) const { return turned(as_vec3(wp::index(rays.directions, ray))); }
+    WARPCAM_DEVICE int pixel(int ray) const
+    {
+        return rays.flipped ? ray + (rays.rows - 1 - 2 * (ray / rays.columns)) * rays.columns : ray;
+    }
+};
+
+// Rays of a camera at the world's origin: of its table, see camera/ray_table.h, the rows of pixels.
+struct RaysOfTable {
+    const float* rows;
+
+    WARPCAM_DEVICE Vec3 start(int ray) const { return as_vec3(rows + 8 * size_t(ray)); }
+    WARPCAM_DEVICE Vec3 direction(int ray) const { return as_vec3(rows + 8 * size_t(ray) + 4); }
+    WARPCAM_DEVICE int pixel(int ray) const { return ray; }
+};
+
+// Put exits in place of what some rays of a world meet behind them.
+template <class Shapes, class Materials, class Rays, class Traced>
+WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials, const Rays& rays, const Traced& traced,
+                               int world, int first, int end)
 {
-    const int count = rays.rows * rays.columns, runs = (count + EXIT_RUN - 1) / EXIT_RUN;
-    const int world = index / runs, first = index % runs * EXIT_RUN, end = min(first + EXIT_RUN, count);
-    if (!wp::index(mask, world))
-        return;
-    const Vec3 position = as_vec3(wp::index(poses.positions, world));
-    const auto turn = wp::index(poses.rotations, world);
-    const bool apart = rays.origins.shape[0] > 0;
-    const auto start_of = [&](int ray) {
-        return apart ? position + as_vec3(wp::quat_rotate(turn, wp::index(rays.origins, ray))) : position;
-    };
-    const Vec3 middle = start_of((first + end) / 2);
+    const Vec3 middle = rays.start((first + end) / 2);
     float reach = 0.0f;
-    for (int ray = first; apart && ray < end; ++ray) {
-        const Vec3 off = start_of(ray) - middle;
+    for (int ray = first; ray < end; ++ray) {
+        const Vec3 off = rays.start(ray) - middle;
         reach = max(reach, dot(off, off));
     }
     reach = sqrt(reach);
@@ -87,11 +108,9 @@ WARPCAM_DEVICE void meet_far_sides(const wp::array_t<uint8_t>& mask, const Shape
         if (solid.radius < 0.0f || !(dot(off, off) <= near * near) || transparent(shapes, materials, world, id))
             continue;
         for (int ray = first; ray < end; ++ray) {
-            const int row = ray / rays.columns;
-            const int pixel = rays.flipped ? ray + (rays.rows - 1 - 2 * row) * rays.columns : ray;
+            const int pixel = rays.pixel(ray);
             float& distance = *wp::address(traced.distance, world, pixel);
-            const Vec3 direction = as_vec3(wp::quat_rotate(turn, wp::index(rays.directions, ray)));
-            const ExitHit exit = exit_of(solid, start_of(ray), direction);
+            const ExitHit exit = exit_of(solid, rays.start(ray), rays.direction(ray));
             if (!(exit.distance < min(distance, MISS)))
                 continue;
             distance = exit.distance;
@@ -106,6 +125,37 @@ WARPCAM_DEVICE void meet_far_sides(const wp::array_t<uint8_t>& mask, const Shape
                     *wp::address(traced.normals, world, pixel, c) = component(exit.normal, c);
         }
     }
+}
+
+// Runs of rays in the order of worlds; a thread for each.
+struct ExitRun {
+    int world, first, end;
+};
+
+WARPCAM_DEVICE ExitRun exit_run(int count, int index)
+{
+    const int runs = (count + EXIT_RUN - 1) / EXIT_RUN, first = index % runs * EXIT_RUN;
+    return { index / runs, first, min(first + EXIT_RUN, count) };
+}
+
+template <class Mask, class Shapes, class Materials, class Rays, class Poses, class Traced>
+WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Shapes& shapes, const Materials& materials, const Rays& rays,
+                                   const Poses& poses, const Traced& traced, int index)
+{
+    const ExitRun run = exit_run(rays.rows * rays.columns, index);
+    if (wp::index(mask, run.world))
+        find_exits(shapes, materials, RaysOfLidar<Rays, Poses> { rays, poses, run.world }, traced, run.world, run.first,
+                   run.end);
+}
+
+// `first_row`: floats of the table before those of pixels.
+template <class Shapes, class Materials, class Table, class Traced>
+WARPCAM_DEVICE void meet_far_sides_of_table(const Shapes& shapes, const Materials& materials, const Table& table,
+                                            int first_row, int count, const Traced& traced, int index)
+{
+    const ExitRun run = exit_run(count, index);
+    const RaysOfTable rays { wp::address(table, run.world, first_row) };
+    find_exits(shapes, materials, rays, traced, run.world, run.first, run.end);
 }
 
 }  // namespace warpcam

@@ -1,7 +1,7 @@
 """MuJoCo-Warp's renderer, by the calls it has: ``from warpcam.compat import mujoco_warp as mjr``.
 
-``create_render_context``, ``refit_bvh``, ``render``, ``get_rgb``, ``get_depth`` and ``get_segmentation`` take the same
-arguments, and images are packed alike. What is drawn looks as ``mujoco.Renderer`` draws it: see
+``create_render_context``, ``refit_bvh``, ``render``, ``get_rgb``, ``get_depth``, ``get_segmentation``, ``rays`` and
+``ray`` take the same arguments, and images are packed alike. What is drawn looks as ``mujoco.Renderer`` draws it: see
 docs/compat/mujoco_warp.md. All other names are MuJoCo-Warp's own: ``mjr.put_model`` is ``mujoco_warp.put_model``.
 """
 
@@ -26,6 +26,8 @@ __all__ = [
     "get_depth",
     "get_rgb",
     "get_segmentation",
+    "ray",
+    "rays",
     "refit_bvh",
     "refit_splat_bvh",
     "render",
@@ -145,6 +147,76 @@ def render(m: Any, d: Any, rc: RenderContext) -> None:
     _context(rc, "render")._bound(m, d).render()
 
 
+def rays(
+    m: Any,
+    d: Any,
+    pnt: wp.array,
+    vec: wp.array,
+    geomgroup: Any,
+    flg_static: bool,
+    bodyexclude: wp.array,
+    dist: wp.array,
+    geomid: wp.array,
+    normal: wp.array,
+    rc: Any = None,
+) -> None:
+    """Cast rays into the geoms of a context of ours; without one, or with MuJoCo-Warp's own, by ``mujoco_warp.rays``.
+
+    The first call with such rays reads the scene and allocates; those after it do not, and may be part of a capture.
+
+    Args:
+        m: The Model.
+        d: The Data.
+        pnt: vec3 (1 or world, ray), where rays begin [m].
+        vec: vec3 of the same shape, of any length; what is hit is at ``pnt + dist * vec``.
+        geomgroup: Six numbers, 0 for a group that is left out; all -1: none is.
+        flg_static: False leaves out geoms that never move.
+        bodyexclude: int32 (ray,), body that each ray does not meet, or -1. Read when this array is first seen: of rays
+            for which it was written since, ``dist`` is NaN.
+        dist: float32 (world, ray), written: -1 where nothing is hit.
+        geomid: int32 (world, ray), written: -1 where nothing is hit.
+        normal: vec3 (world, ray), written: 0 where nothing is hit.
+        rc: The context.
+    """
+    if not isinstance(rc, RenderContext):
+        _theirs("rays")(m, d, pnt, vec, geomgroup, flg_static, bodyexclude, dist, geomid, normal, rc)
+        return
+    rc.cast_rays(m, d, pnt, vec, geomgroup, flg_static, bodyexclude, dist, geomid, normal)
+
+
+def ray(
+    m: Any,
+    d: Any,
+    pnt: wp.array,
+    vec: wp.array,
+    geomgroup: Any = None,
+    flg_static: bool = True,
+    bodyexclude: int = -1,
+    rc: Any = None,
+) -> tuple[wp.array, wp.array, wp.array]:
+    """Cast one ray in every world, as ``rays`` does.
+
+    Args:
+        m: The Model.
+        d: The Data.
+        pnt: vec3 (1 or world, 1) [m].
+        vec: vec3 of the same shape.
+        geomgroup: As ``rays`` has it; None: no group is left out.
+        flg_static: As ``rays`` has it.
+        bodyexclude: Body that rays do not meet, or -1.
+        rc: The context.
+
+    Returns:
+        New arrays (world, 1): distances, geom ids, normals.
+    """
+    if not isinstance(rc, RenderContext):
+        answer: tuple[wp.array, wp.array, wp.array] = _theirs("ray")(
+            m, d, pnt, vec, geomgroup, flg_static, bodyexclude, rc
+        )
+        return answer
+    return rc.cast_ray(m, d, pnt, vec, geomgroup, flg_static, bodyexclude)
+
+
 def get_rgb(rc: RenderContext, camera_index: int, rgb_out: wp.array) -> None:
     """Unpack one camera's colours.
 
@@ -201,6 +273,13 @@ def _image(rc: RenderContext, output: str, camera_index: int, out: wp.array, dty
         raise WarpcamError(f"{output} is written to a Warp array of {dtype.__name__} {shape}, got {came}")
     device_rule.require_same(rc.device, "the render context is", out.device, f"{output}'s array")
     return start
+
+
+def _theirs(name: str) -> Any:
+    """MuJoCo-Warp's own function."""
+    import mujoco_warp
+
+    return getattr(mujoco_warp, name)
 
 
 def _context(rc: Any, where: str) -> RenderContext:

@@ -10,7 +10,9 @@ import warp as wp
 
 import warpcam as wc
 from warpcam.compat.common import packing
+from warpcam.compat.common.scalars import whole
 from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
+from warpcam.compat.mujoco_warp.ray_casts import MOST_RAYS, RayCasts, check_arrays, chosen_geoms
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
@@ -63,10 +65,10 @@ class RenderContext:
         self.zfar = float(mjm.vis.map.zfar * mjm.stat.extent)
         red, green, blue, self._miss_alpha = (int(255.0 * value) for value in settings["background_color"])
         self.background_color = np.uint32(self._miss_alpha << 24 | red << 16 | green << 8 | blue)
-        enabled = geoms_of(mjm, settings["enabled_geom_groups"])
-        self.bvh_ngeom = len(enabled)
+        self._enabled = geoms_of(mjm, settings["enabled_geom_groups"])
+        self.bvh_ngeom = len(self._enabled)
         with wp.ScopedDevice(self.device):
-            self.enabled_geom_ids = wp.array(enabled, dtype=int)
+            self.enabled_geom_ids = wp.array(self._enabled, dtype=int)
             self.cam_res = wp.array([view.size for view in views], dtype=wp.vec2i)
             self.cam_id_map = wp.array([view.camera for view in views], dtype=int)
             self.total_rays = sum(view.pixels for view in views)
@@ -77,6 +79,7 @@ class RenderContext:
             self.depth_data = wp.zeros((num_worlds, depth), dtype=wp.float32)
             self.seg_data = wp.full((num_worlds, max(seg, 1)), wp.vec2i(-1, -1), dtype=wp.vec2i)
         self._scenes: dict[tuple[int, int], _Bound] = {}
+        self._ray_casts, self._excludes = RayCasts(self), dict[int, wp.array]()
         self._made = True
 
     def __setattr__(self, name: str, value: Any) -> None:
@@ -98,19 +101,72 @@ class RenderContext:
         """
         self._bound(m, d)
 
+    def cast_rays(
+        self,
+        m: Any,
+        d: Any,
+        pnt: wp.array,
+        vec: wp.array,
+        geomgroup: Any,
+        flg_static: bool,
+        bodyexclude: wp.array,
+        dist: wp.array,
+        geomid: wp.array,
+        normal: wp.array,
+    ) -> None:
+        """Cast rays as ``warpcam.compat.mujoco_warp.rays`` does."""
+        self._check_worlds(d, "rays")
+        geoms = chosen_geoms(self._mjm.geom_group, self._enabled, geomgroup)
+        count = pnt.shape[-1] if isinstance(pnt, wp.array) and pnt.ndim == 2 else 0
+        if not 0 < count <= MOST_RAYS:
+            raise WarpcamError(f"rays: pnt must have shape (1 or {self.nworld}, ray), of 1 to {MOST_RAYS} rays")
+        out = (self.nworld, count)
+        check_arrays(
+            self.device,
+            pnt=(pnt, wp.vec3, ((1, count), out)),
+            vec=(vec, wp.vec3, (pnt.shape,)),
+            bodyexclude=(bodyexclude, wp.int32, ((count,),)),
+            dist=(dist, wp.float32, (out,)),
+            geomid=(geomid, wp.int32, (out,)),
+            normal=(normal, wp.vec3, (out,)),
+        )
+        bundle = self._ray_casts.bundle(m, d, count, pnt.shape[0], geoms, bool(flg_static), bodyexclude)
+        bundle.cast(pnt, vec, bodyexclude, (dist, geomid, normal))
+
+    def cast_ray(
+        self, m: Any, d: Any, pnt: wp.array, vec: wp.array, geomgroup: Any, flg_static: bool, bodyexclude: int
+    ) -> tuple[wp.array, wp.array, wp.array]:
+        """Cast one ray in every world as ``warpcam.compat.mujoco_warp.ray`` does."""
+        if not isinstance(pnt, wp.array) or pnt.ndim != 2 or pnt.shape[1] != 1:
+            came = pnt.shape if isinstance(pnt, wp.array) else type(pnt).__name__
+            raise WarpcamError(f"ray: pnt must have shape (1 or {self.nworld}, 1), got {came}; rays takes several")
+        body = whole(bodyexclude)
+        if body is None:
+            raise WarpcamError(f"ray: bodyexclude must be the id of a body or -1, got {bodyexclude!r}")
+        if body not in self._excludes:
+            self._excludes[body] = wp.full(1, body, dtype=wp.int32, device=self.device)
+        outs = tuple(
+            wp.empty((self.nworld, 1), dtype=dtype, device=self.device) for dtype in (wp.float32, wp.int32, wp.vec3)
+        )
+        self.cast_rays(m, d, pnt, vec, geomgroup, flg_static, self._excludes[body], *outs)
+        return outs
+
+    def _check_worlds(self, d: Any, where: str) -> None:
+        if not hasattr(d, "nworld"):
+            raise WarpcamError(f"{where}: d must be a mujoco_warp.Data, got {type(d).__name__}")
+        if d.nworld != self.nworld:
+            raise WarpcamError(f"{where}: d has {d.nworld} worlds, the context was made for {self.nworld}")
+
     def _bound(self, m: Any, d: Any) -> "_Bound":
         key = (id(m), id(d))
         bound = self._scenes.get(key)
         if bound is None:
-            if not hasattr(d, "nworld"):
-                raise WarpcamError(f"render: d must be a mujoco_warp.Data, got {type(d).__name__}")
+            self._check_worlds(d, "render")
             if torch_interop.is_capturing(self.device):
                 raise WarpcamError(
                     "render: a capture is under way, and this Model and Data have not been seen before; call "
                     "refit_bvh(m, d, rc) once before the capture"
                 )
-            if d.nworld != self.nworld:
-                raise WarpcamError(f"render: d has {d.nworld} worlds, the context was made for {self.nworld}")
             while len(self._scenes) >= MAX_SCENES:
                 self._scenes.pop(next(iter(self._scenes)))
             bound = self._scenes[key] = _Bound(self, m, d)
@@ -133,7 +189,7 @@ class RenderContext:
             raise AttributeError(name)
         raise AttributeError(
             f"warpcam's render context has no {name!r}: there is no bounding volume hierarchy of the scene and there "
-            "are no precomputed rays. Rays of mujoco_warp need a context of mujoco_warp"
+            "are no precomputed rays. mujoco_warp.rays needs a context of mujoco_warp; that of this module takes both"
         )
 
 

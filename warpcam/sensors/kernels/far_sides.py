@@ -29,6 +29,21 @@ meet_far_sides = make_kernel(
 )
 
 
+meet_far_sides_of_table = make_kernel(
+    "meet_far_sides_of_table",
+    "warpcam::meet_far_sides_of_table(shapes, materials, table, first_row, count, traced, index);",
+    {
+        "shapes": Shapes,
+        "materials": Materials,
+        "table": wp.array2d(dtype=wp.float32),
+        "first_row": wp.int32,
+        "count": wp.int32,
+        "traced": TracedScan,
+    },
+    native_module("sensors/far_sides.h"),
+)
+
+
 def bind_far_sides(
     mask: wp.array, shapes: Any, materials: Any, rays: Any, poses: Any, traced: Any, num_worlds: int, device: wp.Device
 ) -> Stage:
@@ -36,3 +51,21 @@ def bind_far_sides(
     runs = -(-rays.rows * rays.columns // RUN)
     inputs = [mask, shapes, materials, rays, poses, traced]
     return bind_launch(meet_far_sides, num_worlds * runs, inputs, device)
+
+
+def bind_table_far_sides(
+    shapes: Any, materials: Any, table: wp.array, first_row: int, traced: Any, count: int, device: wp.Device
+) -> Stage:
+    """Likewise for ``count`` rays of a table with origins, whose camera stands at the world's origin.
+
+    Args:
+        shapes: ``Shapes``.
+        materials: ``Materials``.
+        table: (world, number) float32, as native/camera/ray_table.h reads it.
+        first_row: Numbers before those of the first ray.
+        traced: ``TracedScan``; written.
+        count: Rays of each world.
+        device: Where it is launched.
+    """
+    inputs = [shapes, materials, table, first_row, count, traced]
+    return bind_launch(meet_far_sides_of_table, table.shape[0] * -(-count // RUN), inputs, device)
