@@ -1,5 +1,6 @@
 """mjlab's ray-cast sensors by our classes, beside mjlab's own in one simulation."""
 
+import json
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -25,8 +26,10 @@ from mjlab import sensor as theirs  # noqa: E402
 from mjlab.sensor import GridPatternCfg, ObjRef, PinholeCameraPatternCfg, RingPatternCfg  # noqa: E402
 from mjlab.tasks.cartpole.cartpole_env_cfg import cartpole_balance_env_cfg  # noqa: E402
 
+from warpcam.benchmarks import ray_casts  # noqa: E402
 from warpcam.compat import mjlab as ours  # noqa: E402
 from warpcam.compat.mjlab import kernels  # noqa: E402
+from warpcam.compat.mjlab.ray_casts import columns_of  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # mjlab's own
 
@@ -204,6 +207,34 @@ def test_rays_are_drawn_for_debugging() -> None:
     np.testing.assert_allclose(np.array(drawn[1].arrows), np.array(drawn[0].arrows), atol=1e-4)
     np.testing.assert_allclose(np.array(drawn[1].spheres), np.array(drawn[0].spheres), atol=1e-4)
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "columns"),
+    [
+        (GridPatternCfg(size=(1.6, 1.0)), 17),
+        (GridPatternCfg(size=(1.5, 1.0), direction=(0.2, 0.1, -1.0)), 16),
+        (PinholeCameraPatternCfg(), 16),
+        (ray_casts.SpinningPattern(), 360),
+        (RingPatternCfg.single_ring(0.3, 8), 9),
+        (RingPatternCfg.single_ring(0.3, 31), 8),
+        (GridPatternCfg(size=(0.3, 0.3)), 8),
+    ],
+)
+def test_rays_lie_in_rows_as_images_are_traced(pattern: Any, columns: int) -> None:
+    """A tile of 8 x 4 rays that belong together is traced many times faster than one of rays from all around."""
+    assert columns_of(*(table.numpy() for table in pattern.generate_rays(None, "cpu"))) == columns
+
+
+def test_the_benchmark_compares_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "rays.json"
+    ray_casts.main(
+        ["--device", "cpu", "--worlds", "1", "--rounds", "1", "--terrain", "blocks", "--out", str(out)],
+    )
+    results = json.loads(out.read_text())["results"]
+    assert [result["rays_per_world"] for result in results] == [176 + 32 * 360, 176, 32 * 360]
+    assert all(result["agreeing"] > 0.999 and result["ratio"] > 0.0 for result in results)
+    assert capsys.readouterr().out.count("% agree") == 3
 
 
 def test_kernels_compile_for_cuda(tmp_path: Path) -> None:

@@ -12,22 +12,22 @@ struct SolidShape {
     Shape shape;
     Vec3 scale;  // to the unit frame [1/m]
     ShapeRecord record;  // its size row alone
-    float radius;  // of a ball about its position that holds it [m]; below 0: it is no such shape
+    Vec3 half;  // half extents of its box [m]; below 0: it is no such shape
 };
 
 template <class Shapes> WARPCAM_DEVICE SolidShape load_solid(const Shapes& shapes, int world, int id)
 {
     SolidShape solid;
     solid.shape = load_shape(shapes, world, id);
-    solid.radius = -1.0f;
+    solid.half = { -1.0f, -1.0f, -1.0f };
     visit_shape<TYPES_WITH_EXIT>(solid.shape.type, [&](auto traits) {
         const Vec3 size = solid.shape.size, half = traits.half_extents(size);
         if (!traits.is_valid(size, half))
             return;
+        solid.half = half;
         solid.scale = traits.unit_scale(size, half);
         const Vec3 unit = traits.unit_size(size, solid.scale);
         solid.record.size = { unit.x, unit.y, unit.z, 0 };
-        solid.radius = sqrt(dot(half, half));
     });
     return solid;
 }
@@ -37,13 +37,16 @@ struct ExitHit {
     Vec3 normal;  // outwards, world frame
 };
 
-// Exit of a ray, in the world frame, from the shape that it begins in.
-WARPCAM_DEVICE ExitHit exit_of(const SolidShape& solid, Vec3 start, Vec3 direction)
+// Exit of a ray, in the world frame, from the shape that it begins in. `direction` is called if it may begin there.
+template <class Direction>
+WARPCAM_DEVICE ExitHit exit_of(const SolidShape& solid, Vec3 start, const Direction& direction)
 {
     const Mat3& turn = solid.shape.rotation;
     const Vec3 local = transform_transposed(turn, start - solid.shape.position);
-    const Vec3 along = transform_transposed(turn, direction);
     ExitHit exit { MISS, {} };
+    if (abs(local.x) > solid.half.x || abs(local.y) > solid.half.y || abs(local.z) > solid.half.z)
+        return exit;
+    const Vec3 along = transform_transposed(turn, direction());
     visit_shape<TYPES_WITH_EXIT>(solid.shape.type, [&](auto traits) {
         const Vec3 o = mul(local, solid.scale), d = mul(along, solid.scale);
         const float enter = traits.intersect(solid.record.size, o, d);
@@ -102,15 +105,19 @@ WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials,
     reach = sqrt(reach);
     for (int k = 0; k < shapes.drawn.shape[0]; ++k) {
         const int id = wp::index(shapes.drawn, k);
+        const Vec3 off = as_vec3(wp::index(shapes.positions, world, id)) - middle;
+        const Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
+        const float near = reach + abs(size.x) + abs(size.y) + abs(size.z);  // no shape with an exit is wider
+        if (!(dot(off, off) <= near * near))
+            continue;
         const SolidShape solid = load_solid(shapes, world, id);
-        const Vec3 off = solid.shape.position - middle;
-        const float near = solid.radius + reach;
-        if (solid.radius < 0.0f || !(dot(off, off) <= near * near) || transparent(shapes, materials, world, id))
+        const float radius = reach + sqrt(dot(solid.half, solid.half));
+        if (solid.half.x < 0.0f || dot(off, off) > radius * radius || transparent(shapes, materials, world, id))
             continue;
         for (int ray = first; ray < end; ++ray) {
             const int pixel = rays.pixel(ray);
             float& distance = *wp::address(traced.distance, world, pixel);
-            const ExitHit exit = exit_of(solid, rays.start(ray), rays.direction(ray));
+            const ExitHit exit = exit_of(solid, rays.start(ray), [&] { return rays.direction(ray); });
             if (!(exit.distance < min(distance, MISS)))
                 continue;
             distance = exit.distance;

@@ -10,6 +10,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import sensors
+from warpcam.accel.ray_tables import TILE_WIDTH
 from warpcam.compat.mjlab import kernels
 from warpcam.compat.mujoco_warp.context import load_groups
 from warpcam.core import torch_interop
@@ -87,10 +88,11 @@ class FrameRays:
     ):
         worlds, count, device = scene.num_worlds, len(directions), scene.device
         rows = (count // columns_of(offsets, directions), -1, 3)
+        origins = offsets.reshape(rows) if offsets.any() else None  # a table without origins is traced faster
         farthest = float(np.nextafter(np.float32(max_distance), np.float32(np.inf)))  # what lies there is met
         self._lidar = sensors.Lidar(
             scene,
-            sensors.patterns.rays(directions.reshape(rows), origins=offsets.reshape(rows), max_range=farthest),
+            sensors.patterns.rays(directions.reshape(rows), origins=origins, max_range=farthest),
             outputs=("ranges", "normals"),
             miss=MISS,
             exclude_body=frame.body if excludes else (),
@@ -130,11 +132,20 @@ def load_casters(mjm: mujoco.MjModel, m: Any, d: Any, groups: tuple[int, ...]) -
 
 
 def columns_of(offsets: np.ndarray, directions: np.ndarray) -> int:
-    """Length of the rows that rays make: begun or directed at one height; all rays if there are no such rows."""
-    slopes = directions[:, 1] / np.where(np.abs(directions[:, 2]) > 1e-6, directions[:, 2], 1.0)
-    beside = (np.abs(offsets[:, 1] - offsets[0, 1]) > 1e-6) | (np.abs(slopes - slopes[0]) > 1e-5)
-    first = int(np.argmax(beside)) if beside.any() else len(directions)
-    return first if len(directions) % first == 0 else len(directions)
+    """Length of the rows that rays make, as images are traced in tiles of rows.
+
+    A row of a grid begins at one y, one of a camera has one slope y / z, one of a lidar that turns one z. Rays without
+    such rows have rows of a tile's width, or one.
+    """
+    count, height = len(directions), directions[:, 2]
+    slopes = directions[:, 1] / np.where(np.abs(height) > 1e-6, height, 1.0)
+    lengths = [count]
+    for values in (slopes, height):
+        beside = (np.abs(offsets[:, 1] - offsets[0, 1]) > 1e-6) | (np.abs(values - values[0]) > 1e-6)
+        first = int(np.argmax(beside)) if beside.any() else count
+        lengths += [first] * (first >= TILE_WIDTH and count % first == 0)
+    found = min(lengths)
+    return TILE_WIDTH if found == count and count % TILE_WIDTH == 0 else found
 
 
 def _as(tensor: torch.Tensor, shape: tuple[int, ...], dtype: Any) -> wp.array:
