@@ -127,7 +127,10 @@ def compare(
     """Medians of both [ms], how many times longer mjlab's take, and how many distances agree."""
     case = replace(cases.CASES["g1_terrain"], name=f"g1_{terrain}", spec=TERRAINS[terrain])
     shared = problem.build(case, worlds, 16, 16)
-    readers: dict[str, Mjlab | Warpcam] = {"mjlab": Mjlab(shared, settings, str(device)), "warpcam": Warpcam(shared, settings, str(device))}
+    readers: dict[str, Mjlab | Warpcam] = {
+        "mjlab": Mjlab(shared, settings, str(device)),
+        "warpcam": Warpcam(shared, settings, str(device)),
+    }
     times: dict[str, list[float]] = {name: [] for name in readers}
     agreeing = []
     for number in range(rounds + 1):
