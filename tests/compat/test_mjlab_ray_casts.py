@@ -28,8 +28,8 @@ from mjlab.tasks.cartpole.cartpole_env_cfg import cartpole_balance_env_cfg  # no
 
 from warpcam.benchmarks import ray_casts  # noqa: E402
 from warpcam.compat import mjlab as ours  # noqa: E402
+from warpcam.compat.common.rows import columns_of  # noqa: E402
 from warpcam.compat.mjlab import kernels  # noqa: E402
-from warpcam.compat.mjlab.ray_casts import columns_of  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # mjlab's own
 

@@ -12,7 +12,7 @@ from warpcam.sensors import kernels
 
 ARCH = 90
 MODULES = sorted(each.name for each in pkgutil.iter_modules(kernels.__path__, f"{kernels.__name__}."))
-MODULES.append("warpcam.compat.mujoco_warp.kernels")
+MODULES += ["warpcam.compat.isaaclab.kernels", "warpcam.compat.mujoco_warp.kernels"]
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -14,7 +14,7 @@ from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
-from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
 from warpcam.sensors.effect import parameter_array, parameters_of
@@ -209,6 +209,7 @@ class Lidar:
             moves=moves,
             reach=reach_of(traced.origins),
             far_sides=bool(far_sides),
+            place=self._place,
         )
         self.renderer = ScanRenderer(scene, camera, setup, graph=graph)
         arrays = {
@@ -267,6 +268,10 @@ class Lidar:
 
     def __reduce__(self) -> Any:
         raise WarpcamError("Lidar: it cannot be copied or pickled, as it holds memory of a device; make another one")
+
+    def _place(self, positions: wp.array, rotations: wp.array) -> Sequence[Stage]:
+        """Stages of a subclass that place the sensor in its own way."""
+        return ()
 
     def _memory(self, images: Memory) -> Memory:
         """Memory of the rays' images and of what is reported."""

@@ -1,5 +1,6 @@
 """A renderer of the rays of a lidar, which are placed before each frame and measured after it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +42,7 @@ class ScanSetup:
         moves: Rays are sent on the way from the last pose to this.
         reach: How far from the sensor's position rays begin at most [m].
         far_sides: Rays that begin within a solid shape meet its far side.
+        place: Gives the stages that place the sensor once more, of the camera's arrays of positions and rotations.
     """
 
     mount: Any
@@ -54,6 +56,7 @@ class ScanSetup:
     moves: bool
     reach: float
     far_sides: bool
+    place: Callable[[wp.array, wp.array], Sequence[Stage]]
 
 
 class ScanRenderer(Renderer):
@@ -78,7 +81,10 @@ class ScanRenderer(Renderer):
         pose = [binding.arrays["position"], binding.arrays["rotation"]]
         inputs = [mount, mask, int(everything), setup.poses, *pose]
         worlds = scene.num_worlds
-        stages = [bind_launch(scan_poses.place_sensor, worlds, inputs, device, block_dim=BLOCK_DIM)]
+        stages = [
+            bind_launch(scan_poses.place_sensor, worlds, inputs, device, block_dim=BLOCK_DIM),
+            *setup.place(*pose),
+        ]
         tiles = -(-rays.columns // ray_tables.TILE_WIDTH) * -(-rays.rows // ray_tables.TILE_HEIGHT)
         if rays.window is not None:
             stages.append(bind_launch(scan_rays.advance_window, 1, [rays], device))

@@ -1,20 +1,22 @@
 """Isaac Lab's renderer, by the interface it has for them: ``from warpcam.compat.isaaclab import WarpcamRendererCfg``.
 
 Give it to a camera, ``CameraCfg(renderer_cfg=WarpcamRendererCfg())``, and warpcam draws its images: see
-docs/compat/isaaclab.md. The renderer's name is "warpcam".
+docs/compat/isaaclab.md. The renderer's name is "warpcam". ``RayCaster`` casts rays by Isaac Lab's configurations and
+does not need Isaac Lab.
 """
 
+import importlib
 from typing import Any
 
-from warpcam.compat.isaaclab.renderer_cfg import WarpcamRendererCfg
+from warpcam.compat.isaaclab.ray_caster import RayCaster, RayCasterData
 
-__all__ = ["WarpcamRenderer", "WarpcamRendererCfg"]
+__all__ = ["RayCaster", "RayCasterData", "WarpcamRenderer", "WarpcamRendererCfg"]
+
+# What imports Isaac Lab; the renderer itself imports more of it than a configuration should.
+OF_ISAAC_LAB = {"WarpcamRenderer": "renderer", "WarpcamRendererCfg": "renderer_cfg"}
 
 
 def __getattr__(name: str) -> Any:
-    """The renderer itself imports more of Isaac Lab than a configuration should."""
-    if name == "WarpcamRenderer":
-        from warpcam.compat.isaaclab.renderer import WarpcamRenderer
-
-        return WarpcamRenderer
+    if name in OF_ISAAC_LAB:
+        return getattr(importlib.import_module(f"{__name__}.{OF_ISAAC_LAB[name]}"), name)
     raise AttributeError(name)

@@ -10,7 +10,7 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import sensors
-from warpcam.accel.ray_tables import TILE_WIDTH
+from warpcam.compat.common.rows import columns_of
 from warpcam.compat.mjlab import kernels
 from warpcam.compat.mujoco_warp.context import load_groups
 from warpcam.core import torch_interop
@@ -129,23 +129,6 @@ def load_casters(mjm: mujoco.MjModel, m: Any, d: Any, groups: tuple[int, ...]) -
     """The geoms of these groups that rays may meet."""
     with preserve_cuda_context():
         return load_groups(mjm, m, d, groups=groups, draw=("geoms",), reflections=False, transparency=False)
-
-
-def columns_of(offsets: np.ndarray, directions: np.ndarray) -> int:
-    """Length of the rows that rays make, as images are traced in tiles of rows.
-
-    A row of a grid begins at one y, one of a camera has one slope y / z, one of a lidar that turns one z. Rays without
-    such rows have rows of a tile's width, or one.
-    """
-    count, height = len(directions), directions[:, 2]
-    slopes = directions[:, 1] / np.where(np.abs(height) > 1e-6, height, 1.0)
-    lengths = [count]
-    for values in (slopes, height):
-        beside = (np.abs(offsets[:, 1] - offsets[0, 1]) > 1e-6) | (np.abs(values - values[0]) > 1e-6)
-        first = int(np.argmax(beside)) if beside.any() else count
-        lengths += [first] * (first >= TILE_WIDTH and count % first == 0)
-    found = min(lengths)
-    return TILE_WIDTH if found == count and count % TILE_WIDTH == 0 else found
 
 
 def _as(tensor: torch.Tensor, shape: tuple[int, ...], dtype: Any) -> wp.array:

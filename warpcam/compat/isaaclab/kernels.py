@@ -1,0 +1,80 @@
+"""Kernels of Isaac Lab's ray casters: where their rays begin, and what they meet."""
+
+import warp as wp
+
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.sensors.kernels.scan_poses import BASE, YAW, ScanPoses
+
+wp.set_module_options(compiler_flags())
+
+
+@wp.struct
+class CasterMount:
+    """Where a ray caster is, in every world."""
+
+    body: wp.int32
+    body_positions: wp.array2d(dtype=wp.vec3)  # (world, body) [m]
+    body_rotations: wp.array2d(dtype=wp.mat33)
+    alignment: wp.int32  # BASE, YAW or WORLD
+    offset: wp.vec3  # of all rays, in the aligned frame [m]
+    drift: wp.array(dtype=wp.vec3)  # (world,) of the sensor, world frame [m]
+    ray_drift: wp.array(dtype=wp.vec3)  # (world,) x and y of the rays, in the aligned frame; z of what they meet [m]
+    positions: wp.array(dtype=wp.vec3)  # (world,) of the sensor; written
+    rotations: wp.array(dtype=wp.quat)  # likewise
+
+
+@wp.func
+def yaw_alone(turn: wp.quat) -> wp.quat:
+    """Turn about z of the angle that Isaac Lab calls yaw."""
+    x, y, z, w = turn[0], turn[1], turn[2], turn[3]
+    half = 0.5 * wp.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return wp.quat(0.0, 0.0, wp.sin(half), wp.cos(half))
+
+
+@wp.kernel(enable_backward=False)
+def place_caster(
+    mount: CasterMount,
+    poses: ScanPoses,
+    ray_positions: wp.array(dtype=wp.vec3),
+    ray_rotations: wp.array(dtype=wp.vec4),
+    first: wp.int32,
+):
+    """Write the poses of the sensor and of its rays, w x y z; a thread for each world."""
+    world = first + wp.tid()
+    turn = wp.quat_from_matrix(mount.body_rotations[world, mount.body])
+    position = mount.body_positions[world, mount.body] + mount.drift[world]
+    mount.positions[world] = position
+    mount.rotations[world] = turn
+    aligned = wp.quat_identity()
+    if mount.alignment == BASE:
+        aligned = turn
+    elif mount.alignment == YAW:
+        aligned = yaw_alone(turn)
+    aside = wp.quat_rotate(aligned, mount.ray_drift[world])
+    start = position + wp.vec3(aside[0], aside[1], 0.0) + wp.quat_rotate(aligned, mount.offset)
+    poses.positions[world] = start
+    poses.rotations[world] = aligned
+    ray_positions[world] = start
+    ray_rotations[world] = wp.vec4(aligned[3], aligned[0], aligned[1], aligned[2])
+
+
+@wp.kernel(enable_backward=False)
+def write_caster_hits(
+    ray_drift: wp.array(dtype=wp.vec3),
+    points: wp.array2d(dtype=wp.vec3),
+    ranges: wp.array2d(dtype=wp.float32),
+    normals: wp.array2d(dtype=wp.vec3),
+    hits_out: wp.array2d(dtype=wp.vec3),
+    normals_out: wp.array2d(dtype=wp.vec3),
+    first: wp.int32,
+):
+    """Add what drifts along z, and make all infinite where nothing is met."""
+    world, ray = row_and_column(first + wp.tid(), ranges.shape[1])
+    none = wp.vec3(wp.inf, wp.inf, wp.inf)
+    if wp.isfinite(ranges[world, ray]):
+        hits_out[world, ray] = points[world, ray] + wp.vec3(0.0, 0.0, ray_drift[world][2])
+        normals_out[world, ray] = normals[world, ray]
+    else:
+        hits_out[world, ray] = none
+        normals_out[world, ray] = none
