@@ -1,5 +1,6 @@
 """Rays that begin within shapes, against MuJoCo's."""
 
+import gc
 from typing import Any
 
 import mujoco
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 import scenes
 import warp as wp
+from allocation_ledger import Ledger
 from lidar_scenes import floor, host
 
 import warpcam as wc
@@ -124,3 +126,23 @@ def test_what_does_not_go_with_it(device: wp.Device, settings: dict[str, Any], n
     pattern = patterns.spinning([0.0], columns=8, rate=10.0)
     with pytest.raises(WarpcamError, match=f"Lidar: far_sides and {name} do not go together"):
         sensors.Lidar(floor(1, device), pattern, far_sides=True, **settings)
+
+
+def test_reads_compile_and_allocate_nothing(
+    device: wp.Device, loads: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mjm, mjds = solid_around("box")
+    lidar = sensors.Lidar(
+        wc.from_mujoco(mjm, mjds, device=device), patterns.rays(DIRECTIONS), far_sides=True, outputs=OUTPUTS
+    )
+    lidar.read()
+    loads.clear()
+    slot = "current_allocator" if device.is_cuda else "default_allocator"
+    ledger = Ledger(getattr(device, slot))
+    monkeypatch.setattr(device, slot, ledger)
+    gc.collect()
+    held = ledger.held
+    for _ in range(2):
+        lidar.read()
+    gc.collect()
+    assert ledger.held == held and loads == []
