@@ -32,7 +32,7 @@ from warpcam.core.errors import WarpcamError
 
 SIZE = 256
 SAMPLES = 4  # of a pixel, in the judge's pictures
-MOST_SAMPLES = 16  # of a pixel, of warpcam
+MOST_SAMPLES = 64  # of a pixel, of warpcam
 FINER = 4  # pixels of the judge's finer pictures along the side of a pixel
 # What is held up to the whole: median and least PSNR [dB], mean FLIP.
 WANTED = {"median_psnr": 38.0, "least_psnr": 32.0, "mean_flip": 0.03}
@@ -144,6 +144,7 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
         for name in (OURS, OURS_FINER, PLAIN):
             if name in images:
                 row[name]["finer_psnr"] = round(image_metrics.psnr(images[JUDGE_FINER], images[name]), 2)
+                row[name]["finer_flip"] = round(image_metrics.flip(images[JUDGE_FINER], images[name])[0], 4)
     if folder is not None:
         gallery.save(folder / f"{shot.name}.png", judge, images[OURS])
     return row
@@ -153,7 +154,7 @@ def summary(rows: Sequence[dict[str, Any]], name: str) -> dict[str, float]:
     """Summarise the scenes that the renderer has drawn."""
     drawn = [row[name] for row in rows if "psnr" in row.get(name, {})]
     ratios = [one["psnr"] for one in drawn]
-    finer = [one["finer_psnr"] for one in drawn if "finer_psnr" in one]
+    beside = [one for one in drawn if "finer_psnr" in one]
     figures = {
         "shots": len(drawn),
         "median_psnr": round(float(np.median(ratios)), 2),
@@ -161,8 +162,13 @@ def summary(rows: Sequence[dict[str, Any]], name: str) -> dict[str, float]:
         "mean_flip": round(float(np.mean([one["flip"] for one in drawn])), 4),
         "largest_flip": round(max(one["flip"] for one in drawn), 4),
     }
-    if finer:
-        figures |= {"median_finer_psnr": round(float(np.median(finer)), 2), "least_finer_psnr": round(min(finer), 2)}
+    if beside:
+        finer = [one["finer_psnr"] for one in beside]
+        figures |= {
+            "median_finer_psnr": round(float(np.median(finer)), 2),
+            "least_finer_psnr": round(min(finer), 2),
+            "mean_finer_flip": round(float(np.mean([one["finer_flip"] for one in beside])), 4),
+        }
     return figures
 
 
