@@ -35,6 +35,7 @@ EFFECTS: list[sensors.Effect] = [
     sensors.Blur(0.8),
     sensors.ChromaticAberration(1.05, 0.97),
     sensors.DeadPixels(0.1, 0.1, 0.7),
+    sensors.DepthOfField(focus_distance=0.5, f_number=1.4, focal_length=0.1),
     sensors.Dsnu(0.02),
     sensors.Emva1288(**EMVA),
     sensors.Exposure(0.5, 0.02, 0.01),
@@ -62,7 +63,8 @@ OTHERS = {"bits": 2.0, "full_well": 1000.0, "black_level": 60.0}
 def bench_of(effect: sensors.Effect, images: np.ndarray, device: wp.Device, **options: Any) -> Bench:
     view = View()
     view.scale, view.center = wp.vec2(0.05, 0.05), wp.vec2(13.0, 10.0)
-    return Bench(effect, images, device, views=[view] * len(images), **options)
+    depth = np.linspace(1.0, 2.0, images.shape[2])
+    return Bench(effect, images, device, views=[view] * len(images), depth=depth, **options)
 
 
 def name_of(value: Any) -> str:
