@@ -68,7 +68,7 @@ class DepthOfField(Effect):
         lens, circles = kernels.ThinLens(), kernels.Circles()
         lens.focus_distance, lens.f_number = frame.params.focus_distance, frame.params.f_number
         lens.focal_length, lens.max_radius = frame.params.focal_length, self.max_radius
-        circles.radius = wp.empty((worlds, pixels), dtype=wp.float32, device=frame.device)
+        circles.circle = wp.empty((worlds, pixels), dtype=wp.vec2, device=frame.device)
         circles.largest, circles.reach = (
             wp.empty((worlds, tiles), dtype=wp.float32, device=frame.device) for _ in range(2)
         )

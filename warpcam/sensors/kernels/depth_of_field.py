@@ -27,11 +27,18 @@ class ThinLens:
 class Circles:
     """Circles of confusion of an image."""
 
-    radius: wp.array2d(dtype=wp.float32)  # (world, pixel) signed: negative before the focus [pixels]
+    # (world, pixel) signed radius, negative before the focus [pixels], and 1 over the area of the circle [1 / pixels]
+    circle: wp.array2d(dtype=wp.vec2)
     largest: wp.array2d(dtype=wp.float32)  # (world, tile) of the radii in it
     reach: wp.array2d(dtype=wp.float32)  # (world, tile) of the radii whose circles touch it
     width: wp.int32  # of the image [pixels]
     height: wp.int32
+
+
+@wp.func
+def area_of(radius: wp.float32) -> wp.float32:
+    """Area of a disc whose rim is one pixel wide, or of a pixel that keeps its light [pixels]."""
+    return wp.where(wp.abs(radius) > SHARP, wp.pi * (radius * radius + 1.0 / 12.0), 1.0)
 
 
 @wp.kernel(enable_backward=False)
@@ -56,7 +63,9 @@ def find_circles(
         away -= focus / depth[world, pixel]
     diameter = focal / lens.f_number[world] * pixels * away / wp.max(focus - focal, 0.0)
     radius = wp.clamp(0.5 * diameter, -lens.max_radius, lens.max_radius)
-    circles.radius[world, pixel] = wp.where(wp.isnan(diameter), 0.0, radius)
+    if wp.isnan(diameter):
+        radius = 0.0
+    circles.circle[world, pixel] = wp.vec2(radius, 1.0 / area_of(radius))
 
 
 @wp.kernel(enable_backward=False)
@@ -69,7 +78,7 @@ def find_largest(mask: wp.array(dtype=wp.uint8), circles: Circles, first: wp.int
     largest = wp.float32(0.0)
     for row in range(top * TILE, wp.min((top + 1) * TILE, circles.height)):
         for column in range(left * TILE, wp.min((left + 1) * TILE, circles.width)):
-            largest = wp.max(largest, wp.abs(circles.radius[world, row * circles.width + column]))
+            largest = wp.max(largest, wp.abs(circles.circle[world, row * circles.width + column][0]))
     circles.largest[world, tile] = largest
 
 
@@ -95,11 +104,9 @@ def find_reach(mask: wp.array(dtype=wp.uint8), max_radius: wp.float32, circles: 
 
 
 @wp.func
-def share_of_light(radius: wp.float32, distance: wp.float32) -> wp.float32:
-    """Share of a pixel's light that falls on a pixel at a distance: a disc whose rim is one pixel wide [pixels]."""
-    covered = wp.clamp(wp.max(radius, SHARP) + 0.5 - distance, 0.0, 1.0)
-    area = wp.where(radius > SHARP, wp.pi * (radius * radius + 1.0 / 12.0), 1.0)
-    return covered / area
+def covered(radius: wp.float32, square: wp.float32) -> wp.float32:
+    """Part of a pixel, at a distance given by its square, that a disc with a rim of one pixel covers [pixels]."""
+    return wp.clamp(wp.max(wp.abs(radius), SHARP) + 0.5 - wp.sqrt(square), 0.0, 1.0)
 
 
 @wp.kernel(enable_backward=False)
@@ -124,30 +131,32 @@ def gather_light(
     if reach <= SHARP:
         target[world, pixel] = source[world, pixel]
         return
-    own = circles.radius[world, pixel]
+    own = circles.circle[world, pixel]
     over = wp.vec3()
     cover = wp.float32(0.0)
     rest = wp.vec3()
     weights = wp.float32(0.0)
-    square = (reach + 0.5) * (reach + 0.5)
+    limit = (reach + 0.5) * (reach + 0.5)
     rows = wp.int32(reach + 0.5)
     for i in range(wp.max(row - rows, 0), wp.min(row + rows + 1, circles.height)):
-        away = wp.float32((i - row) * (i - row))
-        columns = wp.int32(wp.sqrt(wp.max(square - away, 0.0)))
+        down = wp.float32((i - row) * (i - row))
+        columns = wp.int32(wp.sqrt(wp.max(limit - down, 0.0)))
         for j in range(wp.max(column - columns, 0), wp.min(column + columns + 1, circles.width)):
             other = i * circles.width + j
-            radius = circles.radius[world, other]
-            distance = wp.sqrt(away + wp.float32((j - column) * (j - column)))
-            if radius < own - SAME_LAYER:
-                share = share_of_light(wp.abs(radius), distance)
-                over += share * source[world, other]
-                cover += share
-            else:
-                spread = wp.where(radius > own + SAME_LAYER, own, radius)
-                share = share_of_light(wp.abs(spread), distance)
-                rest += share * source[world, other]
-                weights += share
-    light = rest / weights
+            circle = circles.circle[world, other]
+            square = down + wp.float32((j - column) * (j - column))
+            if circle[0] > own[0] + SAME_LAYER:
+                circle = own
+            share = covered(circle[0], square) * circle[1]
+            if share > 0.0:
+                light = share * source[world, other]
+                if circle[0] < own[0] - SAME_LAYER:
+                    over += light
+                    cover += share
+                else:
+                    rest += light
+                    weights += share
+    result = rest / weights
     if cover > 0.0:
-        light = wp.lerp(light, over / cover, wp.min(cover, 1.0))
-    target[world, pixel] = light
+        result = wp.lerp(result, over / cover, wp.min(cover, 1.0))
+    target[world, pixel] = result
