@@ -14,7 +14,10 @@ from warpcam.sensors.kernels.random import Randomness
 
 
 class Bench:
-    """One effect between two images of vec3, (world, height, width), as a rig would bind it."""
+    """One effect between two images of vec3, (world, height, width), as a rig would bind it.
+
+    ``depth`` is that of the scene, (world, height, width), where the effect reads it.
+    """
 
     def __init__(
         self,
@@ -24,6 +27,7 @@ class Bench:
         *,
         seed: int = 0,
         views: Sequence[View] = (),
+        depth: Any = None,
     ):
         self.shape = np.shape(images)
         worlds, height, width = self.shape[:3]
@@ -43,7 +47,7 @@ class Bench:
         frame = EffectFrame(
             source=self._source,
             target=self._target,
-            truth={},
+            truth={} if depth is None else {"depth": self._depth(depth)},
             views=wp.array(list(views), dtype=View, device=device),
             times=wp.zeros(worlds, dtype=wp.float32, device=device),
             elapsed=wp.zeros(worlds, dtype=wp.float32, device=device),
@@ -58,6 +62,10 @@ class Bench:
         )
         self._stages: list[Stage] = list(effect.bind(frame))
         prepare(self._stages)
+
+    def _depth(self, depth: Any) -> wp.array:
+        numbers = np.broadcast_to(np.asarray(depth, np.float32), self.shape[:3])
+        return wp.array(np.ascontiguousarray(numbers)[..., None], dtype=wp.float32, device=self.device)
 
     def __call__(self) -> np.ndarray:
         """Measure the images once more."""
