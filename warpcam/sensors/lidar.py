@@ -251,7 +251,7 @@ class Lidar:
         Args:
             worlds: As ``read`` takes them.
         """
-        with torch_interop.in_order(self._device) as capturing:
+        with self.renderer.lock, torch_interop.in_order(self._device) as capturing:
             if worlds is None:
                 self._poses.known.zero_()
                 return
