@@ -46,7 +46,7 @@ def test_a_read_measures_the_worlds_that_it_has_rendered(
 ) -> None:
     first, second = rigs_of(device)
     draw = second.read if other == "rig" else second.renderer.render
-    finish = interrupt(monkeypatch, first.renderer, "render", lambda: draw(worlds=[2]))
+    finish = interrupt(monkeypatch, first.renderer, "draw", lambda: draw(worlds=[2]))
     first.read(worlds=[0])
     finish()
     assert first.frames.tolist() == [2, 1, 1]

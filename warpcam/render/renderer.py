@@ -84,8 +84,7 @@ class Renderer:
         self._scene, self._device = scene, scene.device
         self.memory = estimate_memory(scene, cameras)
         require_free(self.memory, scene.device)
-        self._graph = graph and scene.device.is_cuda
-        self.lock = recording_lock(scene.device)
+        self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = scene.tables()
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         self._passes = {
@@ -133,16 +132,20 @@ class Renderer:
         Returns:
             ``images``.
         """
+        return self.draw(worlds, forward, "render")
+
+    def draw(self, worlds: Any, forward: bool, call: str) -> Images:
+        """Render for a sensor, whose ``call`` begins the texts of errors."""
         if not isinstance(forward, bool | np.bool_):
-            raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
+            raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
         with self.lock, torch_interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
-                    "render: a capture is under way, but this scene's poses come from the host and would not be copied "
-                    "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
+                    f"{call}: a capture is under way, but this scene's poses come from the host and would not be "
+                    "copied again when the graph is replayed; render outside of it, or use from_mujoco_warp"
                 )
             if worlds is not None:
-                self._selection.select(worlds, capturing)
+                self._selection.select(worlds, capturing, call)
             if forward:
                 self._scene.forward()
             self._scene.refresh()
@@ -322,12 +325,10 @@ class Renderer:
         return self._device.is_cuda and pixels >= SPLIT_ABOVE_PIXELS
 
     def _pixels(self, phase: Rounds) -> int:
-        batches = itertools.chain(*phase)
-        return sum(len(each.worlds) * self._area(each) for each in batches)
+        return sum(len(each.worlds) * self._area(each) for each in itertools.chain(*phase))
 
     def _area(self, batch: Batch) -> int:
-        camera = self._cameras[batch.camera]
-        return camera.width * camera.height
+        return self._cameras[batch.camera].width * self._cameras[batch.camera].height
 
     def _chains(self, tables: SceneTables, images: LentImages) -> list[list[list[Batch]]] | None:
         """Phases that need not wait for each other, where that is better than one after another.
@@ -375,8 +376,7 @@ class Renderer:
         seen = self._bindings[key].camera_tables(tables)
         parts = parts if batch.buffers and self._is_large(len(batch.worlds) * area) else 1
         cuts = cuts_in_waves(len(batch.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
-        bounds = [batch.worlds.start + cut for cut in cuts]
-        for first, end in itertools.pairwise(bounds):
+        for first, end in itertools.pairwise(batch.worlds.start + cut for cut in cuts):
             group = Group(range(first, end), busiest // area)
             mask = self._selection.mask
             plan, stages = self._passes[key].bind(seen, group, batch.buffers, mask, self._faults)

@@ -235,7 +235,7 @@ class Lidar:
               ray, or in the world's. ``miss`` where nothing returns.
             - ``times`` float32 [s]: from the sweep's beginning, the pattern's own; one memory for all worlds.
         """
-        self.renderer.render(worlds, forward)
+        self.renderer.draw(worlds, forward, "Lidar.read")
         return self.scan
 
     def reset(self, worlds: Any = None) -> None:
@@ -251,7 +251,7 @@ class Lidar:
             if worlds is None:
                 self._poses.known.zero_()
                 return
-            self._selection.select(worlds, capturing, "reset")
+            self._selection.select(worlds, capturing, "Lidar.reset")
             self._forget.launch()
 
     def __reduce__(self) -> Any:

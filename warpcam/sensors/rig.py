@@ -109,7 +109,7 @@ class Rig:
                 self._clock.require(time, f"{measurement.timed} of {camera!r}")
         given = self._clock.check(time)
         with self.renderer.lock:
-            self.renderer.render(worlds, forward)
+            self.renderer.draw(worlds, forward, "Rig.read")
             with torch_interop.in_order(self._device) as capturing:
                 self._clock.set(given)
                 self._run(capturing)
@@ -125,12 +125,13 @@ class Rig:
             worlds: As ``read`` takes them.
         """
         with self.renderer.lock:
-            self.renderer.reset(worlds)
             with torch_interop.in_order(self._device) as capturing:
                 if worlds is None:
                     self._reset.mask.fill_(1)
                 else:
-                    self._reset.select(worlds, capturing, "reset")
+                    self._reset.select(worlds, capturing, "Rig.reset")
+            self.renderer.reset(worlds)
+            with torch_interop.in_order(self._device):
                 for stage in self._forget:
                     stage.launch()
 
