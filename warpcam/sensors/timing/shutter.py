@@ -8,10 +8,10 @@ import numpy as np
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, parameter
 from warpcam.sensors.kernels import shutter as kernels
-from warpcam.sensors.memory import shared
 
 DIRECTIONS = {"down": kernels.DOWN, "up": kernels.UP, "right": kernels.RIGHT, "left": kernels.LEFT}
 CHANGES: Mapping[str, Kind] = {"colors": "linear", "depth": "depth"}
