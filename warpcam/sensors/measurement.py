@@ -237,6 +237,7 @@ class Measurement:
             device=self._device,
             memory=self._memories.setdefault((number, worlds), {}),
             worlds=worlds,
+            pinhole=self._is_pinhole(),
         )
 
     def _bind_curve(self, kernel: wp.Kernel) -> BindStep:
