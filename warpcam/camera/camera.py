@@ -36,7 +36,7 @@ class Camera:
         parent: Name or index of the body to which a camera of your own is fixed; None is the world.
         near: Nothing nearer than this is seen: planar depth, at least 0 [m]; a number or (world,). None is the scene
             camera's, or 0. With Fisheye, Distorted and Rays it and ``far`` are distances along the ray.
-        far: Nothing farther than this is seen: planar depth, beyond ``near`` [m]; a number or (world,). None is the
+        far: Nothing there or farther is seen: planar depth, beyond ``near`` [m]; a number or (world,). None is the
             scene camera's, or infinity.
         depth_clipping: What ``depth`` shows where nothing is hit: inf ("none"), ``far`` ("max") or 0 ("zero").
         shadows: Whether the scene's lights cast shadows in ``rgb``, ``rgba`` and ``hdr``.

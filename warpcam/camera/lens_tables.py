@@ -16,7 +16,7 @@ from warpcam.accel.offset_ray_tables import offset_table_floats
 from warpcam.accel.ray_tables import MOST_PIXELS, table_floats
 from warpcam.camera.lens import FormulaLens, Lens, Projection
 from warpcam.camera.lens_numbers import finite_numbers, shape_of
-from warpcam.camera.lens_tensors import along_rays, as_coordinates, worlds_of
+from warpcam.camera.lens_tensors import along_rays, as_coordinates, seen_alone, worlds_of
 from warpcam.camera.ray_lookup import RayLookup
 from warpcam.core.errors import WarpcamError
 
@@ -137,9 +137,14 @@ class Rays(RayTableLens):
     ) -> torch.Tensor:
         given = as_coordinates(pixels, 2, "Rays.unproject: pixels")
         lookup, world = self._lookup(given, width, height, "Rays.unproject")
-        rays, starts = lookup.at(world, *given.double().unbind(-1))
-        length = along_rays(rays, given, depth, distance, "Rays.unproject", starts)
-        return (rays if length is None else starts + length * rays).to(given.dtype)
+
+        def seen_by(pixels: torch.Tensor) -> torch.Tensor:
+            rays, starts = lookup.at(world, *pixels.unbind(-1))
+            length = along_rays(rays, given, depth, distance, "Rays.unproject", starts)
+            return rays if length is None else starts + length * rays
+
+        down, across = shape_of(self.directions)[-3:-1]
+        return seen_alone(seen_by, given.double(), lambda: (0.5 * across, 0.5 * down)).to(given.dtype)
 
     def _lookup(
         self, given: torch.Tensor, width: int | None, height: int | None, where: str

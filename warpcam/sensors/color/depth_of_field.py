@@ -9,10 +9,10 @@ import warp as wp
 
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels import depth_of_field as kernels
-from warpcam.sensors.memory import shared
 
 MAX_RADIUS = 64.0
 
