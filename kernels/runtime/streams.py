@@ -7,18 +7,23 @@ import threading
 import weakref
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
 import warp as wp
 
+Lock = AbstractContextManager[Any]
 NON_BLOCKING = 1  # CU_STREAM_NON_BLOCKING
 
-_recording: defaultdict[str, threading.Lock] = defaultdict(threading.Lock)  # by device
+_recording: defaultdict[str, Lock] = defaultdict(threading.RLock)  # by device
 
 
-def recording_lock(device: wp.Device) -> threading.Lock:
-    """Lock for work of a device that may record a graph: while one thread does, Warp counts the device as capturing."""
-    return _recording[device.alias] if device.is_cuda else threading.Lock()
+def recording_lock(device: wp.Device) -> Lock:
+    """Lock for work of a device that may record a graph: while one thread does, Warp counts the device as capturing.
+
+    A thread that holds it may take it again.
+    """
+    return _recording[device.alias] if device.is_cuda else threading.RLock()
 
 
 def nonblocking_stream(device: wp.Device) -> wp.Stream:

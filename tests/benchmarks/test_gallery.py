@@ -49,6 +49,15 @@ def test_crowded_scenes_are_as_near_as_the_judges_own_finer_pictures() -> None:
     assert ours["mean_flip"] < 0.035
 
 
+def test_sample_for_sample_the_pictures_are_nearer() -> None:
+    """With 64 samples each, where the judge's four are no noise."""
+    report = json.loads(RESULTS.read_text())
+    finer = report["summary"][fidelity.OURS_FINER]
+    assert finer["shots"] >= 30 and finer["median_finer_psnr"] >= 44.0 and finer["least_finer_psnr"] >= 35.0
+    assert finer["mean_finer_flip"] <= 0.012
+    assert report["crowded"][fidelity.OURS_FINER]["least_finer_psnr"] >= 40.0
+
+
 def test_likeness() -> None:
     black, grey = np.zeros((32, 32, 3), np.uint8), np.full((32, 32, 3), 51, np.uint8)
     assert image_metrics.psnr(black, black) == image_metrics.BEST

@@ -1,17 +1,15 @@
 """Effects on depth images that a test makes up, without a scene."""
 
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import warp as wp
+from effect_frames import effect_frame
 
 from warpcam import sensors
 from warpcam.kernels.runtime.launch import run
 from warpcam.kernels.types import View
-from warpcam.sensors.effect import parameter_array, parameters_of
-from warpcam.sensors.kernels.random import Randomness
 
 FOCAL = 200.0  # of all images [pixels]
 
@@ -46,31 +44,19 @@ class DepthBench:
         views["center"] = 0.5 * width, 0.5 * height
         normals = np.broadcast_to(np.float32(self.normal), (*shape, 3))
         colors = np.broadcast_to(np.uint8(self.color), (*shape, 3))
-        params = {
-            entry.name: parameter_array(self.effect, entry, "bench", worlds, self.device)
-            for entry in parameters_of(self.effect)
-        }
-        randomness = Randomness()
-        randomness.seeds = wp.full(worlds, self.seed, dtype=wp.int32, device=self.device)
-        randomness.frames = wp.full(worlds, self.frames, dtype=wp.int32, device=self.device)
-        return sensors.EffectFrame(
-            source=source,
-            target=target,
+        return effect_frame(
+            self.effect,
+            source,
+            target,
+            (width, height),
+            wp.full(worlds, self.frames, dtype=wp.int32, device=self.device),
+            seed=self.seed,
             truth={
                 "normals": wp.array(normals, dtype=wp.float32, device=self.device),
                 "rgb": wp.array(colors, dtype=wp.uint8, device=self.device),
             },
             views=wp.array(views, dtype=View, device=self.device),
-            times=wp.zeros(worlds, dtype=wp.float32, device=self.device),
-            elapsed=wp.zeros(worlds, dtype=wp.float32, device=self.device),
-            mask=wp.ones(worlds, dtype=wp.uint8, device=self.device),
-            params=SimpleNamespace(**params),
-            randomness=randomness,
-            width=width,
-            height=height,
-            device=wp.get_device(self.device),
             memory=self.memory,
-            worlds=range(worlds),
         )
 
 

@@ -4,10 +4,13 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import color_pictures
+import lidar_pictures
 import numpy as np
 import pytest
 import scenes
 import sensor_pictures
+import shutter_pictures
 import torch
 import visual_geom_scenes
 import warp as wp
@@ -194,4 +197,7 @@ PICTURES: dict[str, Picture] = {
     "flow": flow,
     **_of(physical, ("rough", "metal", "opacity", "splats")),
     **_of(sensor_pictures.measured, sensor_pictures.DEPTH_CAMERAS),
+    **_of(color_pictures.colored, color_pictures.COLOR_EFFECTS),
+    **_of(shutter_pictures.exposed, shutter_pictures.SHUTTERS),
+    **_of(lidar_pictures.scanned, lidar_pictures.SCANS),
 }

@@ -13,10 +13,10 @@ from warpcam import sensors
 BASE = '<body name="base" mocap="true"><geom name="shell" type="sphere" size=".2"/></body>'
 
 
-def around(kinds: tuple[str, ...] = scenes.TYPES) -> mujoco.MjModel:
-    """One shape of each type on a ring about the origin, with a body "base" that is moved by hand there."""
+def around(kinds: tuple[str, ...] = scenes.TYPES, more: str = "") -> mujoco.MjModel:
+    """One shape of each type on a ring about the origin, with a body "base" that is moved by hand there, and more."""
     random = np.random.default_rng(3)
-    world = BASE
+    world = BASE + more
     for number, kind in enumerate(kinds):
         angle = 2.0 * np.pi * number / len(kinds)
         place = (2.5 * np.cos(angle), 2.5 * np.sin(angle), 0.2 * (number % 3) - 0.2)

@@ -1,20 +1,22 @@
 """Effects on colours, applied to images that a test makes itself."""
 
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import warp as wp
+from effect_frames import effect_frame
 
 from warpcam.kernels.runtime.launch import Stage, prepare
 from warpcam.kernels.types import View
-from warpcam.sensors.effect import Effect, EffectFrame, parameter_array, parameters_of
-from warpcam.sensors.kernels.random import Randomness
+from warpcam.sensors.effect import Effect
 
 
 class Bench:
-    """One effect between two images of vec3, (world, height, width), as a rig would bind it."""
+    """One effect between two images of vec3, (world, height, width), as a rig would bind it.
+
+    ``depth`` is that of the scene, (world, height, width), where the effect reads it.
+    """
 
     def __init__(
         self,
@@ -24,6 +26,7 @@ class Bench:
         *,
         seed: int = 0,
         views: Sequence[View] = (),
+        depth: Any = None,
     ):
         self.shape = np.shape(images)
         worlds, height, width = self.shape[:3]
@@ -32,32 +35,24 @@ class Bench:
         self._source = wp.array(self._images, dtype=wp.vec3, device=device)
         self._target = self._source if effect.in_place else wp.zeros_like(self._source)
         self.frames = wp.zeros(worlds, dtype=wp.int32, device=device)
-        self.mask = wp.full(worlds, 1, dtype=wp.uint8, device=device)
         effect.check("Bench")
-        self.params = SimpleNamespace(
-            **{entry.name: parameter_array(effect, entry, "Bench", worlds, device) for entry in parameters_of(effect)}
-        )
-        randomness = Randomness()
-        randomness.seeds = wp.full(worlds, seed, dtype=wp.int32, device=device)
-        randomness.frames, randomness.first_world, randomness.stream = self.frames, 0, 0
-        frame = EffectFrame(
-            source=self._source,
-            target=self._target,
-            truth={},
+        frame = effect_frame(
+            effect,
+            self._source,
+            self._target,
+            (width, height),
+            self.frames,
+            seed=seed,
+            truth={} if depth is None else {"depth": self._depth(depth)},
             views=wp.array(list(views), dtype=View, device=device),
-            times=wp.zeros(worlds, dtype=wp.float32, device=device),
-            elapsed=wp.zeros(worlds, dtype=wp.float32, device=device),
-            mask=self.mask,
-            params=self.params,
-            randomness=randomness,
-            width=width,
-            height=height,
-            device=device,
-            memory={},
-            worlds=range(worlds),
         )
+        self.mask, self.params = frame.mask, frame.params
         self._stages: list[Stage] = list(effect.bind(frame))
         prepare(self._stages)
+
+    def _depth(self, depth: Any) -> wp.array:
+        numbers = np.broadcast_to(np.asarray(depth, np.float32), self.shape[:3])
+        return wp.array(np.ascontiguousarray(numbers)[..., None], dtype=wp.float32, device=self.device)
 
     def __call__(self) -> np.ndarray:
         """Measure the images once more."""

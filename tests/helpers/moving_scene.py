@@ -15,6 +15,10 @@ ASSETS = """
   <texture name="squares" type="2d" builtin="checker" width="64" height="64" rgb1=".9 .8 .3" rgb2=".1 .3 .5"/>
   <material name="squares" texture="squares" texrepeat=".8 .8" texuniform="true"/>
 """
+SKY = """
+  <texture name="sky" type="skybox" builtin="checker" width="64" height="384" rgb1=".9 .8 .3" rgb2=".1 .3 .5"
+    mark="random" markrgb="1 1 1" random=".05"/>
+"""
 WORLD = """
   <light pos="0 0 3" dir="0 0 -1"/>
   <geom name="wall" type="box" size="9 9 .1" pos="0 0 -4.1" material="{material}" rgba="{color}"/>
@@ -38,14 +42,20 @@ class MovingScene:
         camera: Path = still,
         turn: Path = lambda _: 0.0,
         squares: bool = True,
+        sky: bool = False,
         num_worlds: int = 1,
         size: tuple[int, int] = (64, 48),
         outputs: tuple[str, ...] = ("rgb", "depth", "flow", "flow_valid"),
     ):
-        """Paths of the ball and the camera [m], and turn of the camera to the left [rad]."""
+        """Paths of the ball and the camera [m], and turn of the camera to the left [rad].
+
+        With ``sky`` there is a skybox in place of the wall.
+        """
         look = {"material": "squares", "color": "1 1 1 1"} if squares else {"material": "", "color": ".2 .3 .4 1"}
         world = WORLD.format(**look).replace('material=""', "")
-        self.mjm = scenes.compile_xml(world, assets=ASSETS)
+        if sky:
+            world = world.replace('pos="0 0 -4.1"', 'pos="0 0 99"')
+        self.mjm = scenes.compile_xml(world, assets=ASSETS + (SKY if sky else ""))
         self.m: mjw.Model
         self.m, self.d = scenes.put(self.mjm, num_worlds)
         self.scene = wc.from_mujoco_warp(self.mjm, self.m, self.d)

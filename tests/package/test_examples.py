@@ -78,6 +78,23 @@ def test_depth_cameras_measure_one_table(tmp_path: Path) -> None:
     assert len(re.findall(r"[\d.]+ % of the pixels are measured", printed)) == 7
 
 
+def test_robot_sensors_show_one_robot(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "robot_sensors.py"), folder=tmp_path)
+    made, kept = (
+        np.asarray(Image.open(path)).astype(int)
+        for path in (tmp_path / "robot_sensors.png", EXAMPLES.parent / "docs" / "images" / "robot_sensors.png")
+    )
+    assert made.shape == kept.shape == (400, 720, 3)
+    parts = [made[top : top + 136, left : left + 240] for top in (0, 136) for left in (0, 240, 480)]
+    parts += [made[272:336], made[336:]]
+    assert all(len(np.unique(part.reshape(-1, 3), axis=0)) > 50 for part in parts)
+    assert (np.abs(made - kept).max(axis=-1) > 40).mean() < 0.05  # edges may be drawn otherwise
+    measured, points, returns = map(
+        float, re.search(r"wrist: (.*) % of .* cloud: (.*) points\nlidar: (.*) % of", printed).groups()
+    )
+    assert 90.0 < measured < 100.0 and points == 4096 and 40.0 < returns < 60.0
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")

@@ -1,18 +1,24 @@
 """Images of one feature each, against those that were kept: a change of appearance is seen, and told in the changelog.
 
 WARPCAM_WRITE_GOLDENS=1 pytest tests/render/test_goldens.py        # keeps the images of today
+
+An image that differs is left in the test's folder: what was kept, what came, and eight times their difference.
 """
 
 import os
 from collections.abc import Callable
 from pathlib import Path
 
+import color_pictures
 import golden_scenes
 import numpy as np
 import pytest
+import shutter_pictures
 import warp as wp
 from golden_scenes import FEATURES, PICTURES
 from PIL import Image
+
+from warpcam import sensors
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 
@@ -45,16 +51,43 @@ def complaints(reference: np.ndarray, image: np.ndarray) -> list[str]:
 
 
 @pytest.mark.parametrize("feature", PICTURES)
-def test_looks_as_it_did(device: wp.Device, feature: str) -> None:
+def test_looks_as_it_did(device: wp.Device, feature: str, tmp_path: Path) -> None:
     image, path = PICTURES[feature](device), FOLDER / f"{feature}.png"
     if os.environ.get("WARPCAM_WRITE_GOLDENS"):
         path.parent.mkdir(exist_ok=True)
         Image.fromarray(image).save(path, optimize=True)
-    assert complaints(kept(feature), image) == []
+    found = complaints(kept(feature), image)
+    if found:
+        found.append(f"see {keep_difference(kept(feature), image, tmp_path / f'{feature}.png')}")
+    assert found == []
+
+
+def keep_difference(reference: np.ndarray, image: np.ndarray, path: Path) -> Path:
+    """Save the two beside each other, with eight times their difference."""
+    off = np.clip(8 * np.abs(reference.astype(int) - image), 0, 255).astype(np.uint8)
+    Image.fromarray(np.concatenate([reference, image, off], axis=1)).save(path)
+    return path
+
+
+def test_a_difference_is_left_to_look_at(tmp_path: Path) -> None:
+    reference, image = np.full((4, 5, 3), 100, np.uint8), np.full((4, 5, 3), 97, np.uint8)
+    image[2, 3] = 0
+    three = np.asarray(Image.open(keep_difference(reference, image, tmp_path / "difference.png")))
+    assert three.shape == (4, 15, 3) and (three[:, :5] == reference).all() and (three[:, 5:10] == image).all()
+    assert three[0, 10, 0] == 24 and three[2, 13, 0] == 255
 
 
 def test_each_picture_that_is_kept_is_compared() -> None:
     assert {path.stem for path in FOLDER.glob("*.png")} == set(PICTURES)
+
+
+def test_each_effect_has_a_picture() -> None:
+    """Effects on depth are in those of the cameras that have them; a delivery changes no image."""
+    public = [getattr(sensors, name) for name in sensors.__all__]
+    kinds = {each for each in public if isinstance(each, type) and issubclass(each, sensors.Effect)}
+    shown = {type(effect) for effect in (*color_pictures.COLOR_EFFECTS.values(), *shutter_pictures.SHUTTERS.values())}
+    rest = kinds - shown - {sensors.Effect, sensors.Delivery}
+    assert shown <= kinds and {each.kind for each in rest} == {"depth"}
 
 
 FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -84,3 +117,10 @@ def test_a_missing_object_is_seen(device: wp.Device, monkeypatch: pytest.MonkeyP
     (present,) = (one for one in objects if one in world)
     monkeypatch.setitem(FEATURES, feature, (world.replace(present, ""), assets))
     assert complaints(kept(feature), PICTURES[feature](device))
+
+
+@pytest.mark.parametrize("feature", [*color_pictures.COLOR_EFFECTS, *shutter_pictures.SHUTTERS])
+def test_a_missing_effect_is_seen(device: wp.Device, feature: str) -> None:
+    is_color = feature in color_pictures.COLOR_EFFECTS
+    image = color_pictures.without(feature) if is_color else shutter_pictures.frozen(feature, device)
+    assert complaints(kept(feature), image)

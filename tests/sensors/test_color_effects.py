@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
+from color_effects import EFFECTS, EMVA
 from measured_colors import Bench, measured, picture
 from small_scene import camera, scene_of
 
@@ -18,43 +19,6 @@ from warpcam.kernels.types import View
 from warpcam.sensors import color
 from warpcam.sensors.effect import parameters_of
 
-EMVA: dict[str, Any] = {
-    "photons_at_white": 9000.0,
-    "quantum_efficiency": 0.5,
-    "full_well": 4000.0,
-    "gain": 0.05,
-    "dark_noise": 30.0,
-    "bits": 8.0,
-    "dark_current": 4000.0,
-    "exposure_time": 0.1,
-    "black_level": 12.0,
-}
-CURVE = {"toe": (1.0,) * 3, "shoulder": (0.5,) * 3, "gamma": (0.8,) * 3, "center": (-0.5,) * 3}
-EFFECTS: list[sensors.Effect] = [
-    sensors.BayerMosaic(),
-    sensors.Blur(0.8),
-    sensors.ChromaticAberration(1.05, 0.97),
-    sensors.DeadPixels(0.1, 0.1, 0.7),
-    sensors.Dsnu(0.02),
-    sensors.Emva1288(**EMVA),
-    sensors.Exposure(0.5, 0.02, 0.01),
-    sensors.Gain(1.5),
-    sensors.GammaCurve(2.2),
-    sensors.JpegArtifacts(40.0),
-    sensors.JpegArtifacts(40.0, "4:4:4"),
-    sensors.NaturalVignetting(0.5),
-    sensors.Ppisp(1.1, 0.2, (0.1,) * 6, (-0.3,) * 9, (0.5,) * 8, **CURVE),
-    sensors.Prnu(0.05),
-    sensors.Quantization(4.0),
-    sensors.ReadNoise(0.05),
-    sensors.ResponseCurve(**CURVE),
-    sensors.Sharpening(0.5),
-    sensors.ShotNoise(500.0),
-    sensors.ToneCurve(),
-    sensors.ToneCurve([(0.0, 0.0), (0.3, 0.6), (1.0, 0.9)]),
-    sensors.Vignetting((-0.5, 0.1, -0.1), (0.1, 0.0)),
-    sensors.WhiteBalance((1.2, 1.0, 0.7)),
-]
 # Values to which parameters do react, where half of those above are no change to see.
 OTHERS = {"bits": 2.0, "full_well": 1000.0, "black_level": 60.0}
 
@@ -62,7 +26,8 @@ OTHERS = {"bits": 2.0, "full_well": 1000.0, "black_level": 60.0}
 def bench_of(effect: sensors.Effect, images: np.ndarray, device: wp.Device, **options: Any) -> Bench:
     view = View()
     view.scale, view.center = wp.vec2(0.05, 0.05), wp.vec2(13.0, 10.0)
-    return Bench(effect, images, device, views=[view] * len(images), **options)
+    depth = np.linspace(1.0, 2.0, images.shape[2])
+    return Bench(effect, images, device, views=[view] * len(images), depth=depth, **options)
 
 
 def name_of(value: Any) -> str:

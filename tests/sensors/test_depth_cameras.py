@@ -20,7 +20,7 @@ Preset = Callable[[], sensors.CameraModel]
 # Size, fields of view [degrees], frame rate [Hz] and range [m]; standard deviation of depth [m] at a depth [m].
 PRESETS: dict[str, tuple[Preset, tuple[int, int], tuple[float, float], float, tuple[float, float], float, float]] = {
     "realsense_d405": (sensors.realsense_d405, (848, 480), (87.0, 56.5), 90, (0.07, 0.5), 0.0009, 0.3),
-    "realsense_d415": (sensors.realsense_d415, (1280, 720), (69.6, 42.7), 90, (0.5, 3.0), 0.00633, 2.0),
+    "realsense_d415": (sensors.realsense_d415, (1280, 720), (69.6, 42.7), 30, (0.5, 3.0), 0.00633, 2.0),
     "realsense_d435": (sensors.realsense_d435, (848, 480), (89.2, 58.3), 90, (0.3, 3.0), 0.01488, 2.0),
     "realsense_d455": (sensors.realsense_d455, (848, 480), (87.0, 56.5), 90, (0.6, 6.0), 0.03016, 4.0),
     "azure_kinect": (sensors.azure_kinect, (640, 576), (75.0, 65.0), 30, (0.5, 3.86), 0.003, 3.0),

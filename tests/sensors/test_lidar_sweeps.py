@@ -200,5 +200,5 @@ def test_a_reset_of_some_worlds_takes_a_mask(device: wp.Device) -> None:
     lidar = sensors.Lidar(scene, patterns.spinning([0.0], columns=8), sweep="moving", **MOUNT)
     lidar.read()
     lidar.reset(worlds=torch.tensor([1, 0], dtype=torch.uint8, device=lidar.scan["ranges"].device))
-    with pytest.raises(wc.WarpcamError, match="reset: worlds has id 2; allowed are 0 to 1"):
+    with pytest.raises(wc.WarpcamError, match=r"Lidar\.reset: worlds has id 2; allowed are 0 to 1"):
         lidar.reset(worlds=[2])

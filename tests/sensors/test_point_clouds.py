@@ -9,6 +9,7 @@ import torch
 import warp as wp
 
 from warpcam import WarpcamError, sensors
+from warpcam.sensors.kernels import point_clouds as kernels
 
 WORLDS = 3
 
@@ -270,3 +271,10 @@ def test_kernels_compile_for_cuda(method: Any, tmp_path: Path) -> None:
     for name, module in modules.items():
         (path,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path / name, use_ptx=True)
         assert path.stat().st_size > 0
+
+
+@pytest.mark.parametrize("kernel", [kernels.pack_points, kernels.thin_to_voxels, kernels.pick_farthest])
+def test_kernels_of_blocks_are_compiled_for_their_blocks(kernel: wp.Kernel) -> None:
+    """The compiler knows how many threads a block has, and how many blocks of them registers are to suffice for."""
+    threads, blocks = kernel.options["launch_bounds"]
+    assert threads == kernels.THREADS and 1 < blocks <= 2048 // threads

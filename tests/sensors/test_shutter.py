@@ -73,6 +73,24 @@ def test_lines_are_read_in_a_direction(direction: Any, readout: float, device: w
     assert (np.abs(image - before).max(axis=2) > 0.1).mean() > 0.01
 
 
+@pytest.mark.parametrize("motion", ["camera turns", "all move"])
+def test_the_sky_moves_as_the_camera_turns(motion: str, device: wp.Device) -> None:
+    """Its lines are read, and its motion blurs, as those of surfaces do."""
+    scene = MovingScene(**MOTIONS[motion], sky=True)
+    image, before = measured(scene, sensors.RollingShutter(readout=STEP))
+    assert remaining(image, lines(scene, STEP, "down"), before) < 1.0 - LEFT_OUT
+    scene = MovingScene(**MOTIONS[motion], sky=True)
+    image, before = measured(scene, sensors.MotionBlur(exposure=0.03, samples=12))
+    truth = np.mean([scene.truth(-0.03 * (k + 0.5) / 24) for k in range(24)], axis=0)
+    assert remaining(image, truth, before) < 1.0 - LEFT_OUT
+
+
+def test_the_sky_of_a_camera_that_does_not_turn_stays(device: wp.Device) -> None:
+    scene = MovingScene(camera=lambda t: (8.0 * t, 0.0, 0.0), ball=lambda t: (99.0, 0.0, 0.0), sky=True)
+    image, before = measured(scene, sensors.RollingShutter(readout=STEP), sensors.MotionBlur(exposure=0.02))
+    assert (image == before).all()
+
+
 def test_depth_is_read_line_by_line(device: wp.Device) -> None:
     nearer = {"camera": lambda t: (0.0, 0.0, -4.0 * t)}
     for motion, share in ((nearer, 0.97), (MOTIONS["ball falls"], 0.97), (MOTIONS["all move"], 0.9)):

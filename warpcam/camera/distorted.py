@@ -14,7 +14,7 @@ from warpcam.camera.distortion import (
     radial_numbers,
     straightened,
 )
-from warpcam.camera.fisheye import axis_angle, direction_at, half_angles, place_at
+from warpcam.camera.fisheye import axis_angle, direction_at, half_angles, place_at, plane_distance
 from warpcam.camera.lens_numbers import any_differs, coefficients_by_world, focal_matrix
 from warpcam.camera.lens_tables import FormulaTableLens
 from warpcam.camera.lens_tensors import LensNumbers, nan_unless, root
@@ -180,7 +180,7 @@ def _equidistant_place(
 
 def _equidistant_direction(u: torch.Tensor, v: torch.Tensor, last: torch.Tensor) -> Tensors3:
     """The direction whose angle from the axis [rad] is the distance of a place; NaN beyond the last."""
-    angle = torch.hypot(u, v)
+    angle = plane_distance(u, v)
     return direction_at(nan_unless(angle <= last, angle), u, v)
 
 

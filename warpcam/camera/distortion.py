@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from warpcam.camera.lens_tensors import Columns, nan_unless
+from warpcam.camera.lens_tensors import Columns, nan_unless, with_gradient
 
 ROUNDS = 50  # of the search for a place without distortion
 NEAR_ENOUGH = 1e-3  # pixels that it may lie aside
@@ -86,6 +86,8 @@ def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Columns, focal: torc
     Returns:
         u and v; NaN where the distortion brings nothing, and where it has folded back.
     """
+    given_x, given_y = x, y
+    x, y = x.detach(), y.detach()
     u, v = torch.zeros_like(x), torch.zeros_like(x)
     for share, enough in ((0.25, ON_THE_WAY), (0.5, ON_THE_WAY), (0.75, ON_THE_WAY), (1.0, FOUND)):
         to_x, to_y = share * x, share * y
@@ -106,14 +108,18 @@ def straightened(x: torch.Tensor, y: torch.Tensor, numbers: Columns, focal: torc
     # where the area is turned over, or all of it mirrored, the distortion has folded back: nothing comes from there
     known = (torch.hypot(at_x - x, at_y - y) * focal <= NEAR_ENOUGH) & (xx * yy - xy * yx > 0.0)
     known &= u * x + v * y >= 0.0
+    area = torch.where(known, xx * yy - xy * yx, 1.0)
+    u = with_gradient(u, (yy * given_x - xy * given_y) / area)
+    v = with_gradient(v, (xx * given_y - yx * given_x) / area)
     return nan_unless(known, u), nan_unless(known, v)
 
 
 def distorted_once(u: torch.Tensor, v: torch.Tensor, numbers: Columns, focal: torch.Tensor) -> Place:
     """Return where the distortion brings places; NaN for those that come to where others, nearer the middle, belong."""
     (x, y), _ = distorted(u, v, numbers)
-    back_u, back_v = straightened(x, y, numbers, focal)
-    same = torch.hypot(back_u - u, back_v - v) <= 1e-4 * (1.0 + torch.hypot(u, v))
+    with torch.no_grad():
+        back_u, back_v = straightened(x, y, numbers, focal)
+        same = torch.hypot(back_u - u, back_v - v) <= 1e-4 * (1.0 + torch.hypot(u, v))
     return nan_unless(same, x), nan_unless(same, y)
 
 

@@ -24,11 +24,12 @@ from warpcam.camera.lens_numbers import (
     size_of,
 )
 from warpcam.camera.lens_tables import FormulaTableLens
-from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless, sine_and_cosine
+from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless, sine_and_cosine, with_gradient
 from warpcam.core.errors import WarpcamError
 
 QUICK_ROUNDS = 6  # of Newton's method, which are enough for most lenses
 ROUNDS = 60  # of the search for a polynomial's value: halvings alone leave no float64 between an interval's ends
+ASIDE = 1e-9  # of a place's distance ahead, or of a plane's unit: from there derivatives on the axis are taken
 NEAR_ENOUGH = 1e-12  # of the whole range, between two rounds; the next would square it
 
 
@@ -54,7 +55,7 @@ class RadialLens(FormulaTableLens):
     def from_plane(
         self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        return direction_at(self.angle_at(torch.hypot(u, v), formula), u, v)
+        return direction_at(self.angle_at(plane_distance(u, v), formula), u, v)
 
 
 class GrowingDistance(RadialLens):
@@ -253,7 +254,8 @@ def place_of(value: torch.Tensor, formula: Mapping[str, Any]) -> torch.Tensor:
 
     Newton's method; where that does not end soon, within an interval, which is halved where it would be left.
     """
-    coefficients, last = formula["polynomial"], formula["last"]
+    coefficients, last, given = formula["polynomial"], formula["last"], value
+    value = value.detach()
     rates = [power * each for power, each in enumerate(coefficients)][1:]
     low, high = torch.zeros_like(value), last.expand_as(value)
     within = (value >= coefficients[0]) & (value <= polynomial_at(high, coefficients))
@@ -273,7 +275,7 @@ def place_of(value: torch.Tensor, formula: Mapping[str, Any]) -> torch.Tensor:
         after = torch.where((step >= low) & (step <= high), step, 0.5 * (low + high))
         place, before = torch.where(moving, after, place), place
         moving = moving & ((place - before).abs() > NEAR_ENOUGH * last)
-    return nan_unless(within, place)
+    return nan_unless(within, with_gradient(place, given / polynomial_at(place, rates)))
 
 
 def half_angles(max_fov: Any, worlds: int, where: str) -> np.ndarray:
@@ -285,7 +287,17 @@ def half_angles(max_fov: Any, worlds: int, where: str) -> np.ndarray:
 
 def axis_angle(x: torch.Tensor, y: torch.Tensor, z: torch.Tensor) -> torch.Tensor:
     """Return the angle of directions from the axis [rad]."""
-    return torch.atan2(torch.hypot(x, y), z)
+    return torch.atan2(torch.hypot(_off_axis(x, y, ASIDE * z.abs()), y), z)
+
+
+def plane_distance(u: torch.Tensor, v: torch.Tensor) -> torch.Tensor:
+    """Return the distance of places from the middle of their plane."""
+    return torch.hypot(_off_axis(u, v, ASIDE), v)
+
+
+def _off_axis(x: torch.Tensor, y: torch.Tensor, aside: torch.Tensor | float) -> torch.Tensor:
+    """Return x, but a little aside of the axis where (x, y) is on it, for lengths have no derivative at 0."""
+    return torch.where((x == 0.0) & (y == 0.0), aside, x)
 
 
 def place_at(
@@ -295,8 +307,8 @@ def place_at(
 
     NaN straight behind, which is a circle and no place.
     """
-    across = torch.hypot(x, y)
-    scale = nan_unless((across > 0.0) | (z > 0.0), distance) / torch.where(across > 0.0, across, 1.0)
+    across = torch.hypot(_off_axis(x, y, ASIDE * z.abs()), y)
+    scale = nan_unless((x != 0.0) | (y != 0.0) | (z > 0.0), distance) / torch.where(across > 0.0, across, 1.0)
     return scale * x, scale * y
 
 
@@ -304,9 +316,8 @@ def direction_at(
     angle: torch.Tensor, u: torch.Tensor, v: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Return the direction at an angle from the axis [rad], on the side of a place."""
-    across = torch.hypot(u, v)
     sine, cosine = sine_and_cosine(angle)
-    scale = sine / torch.where(across > 0.0, across, 1.0)
+    scale = sine / plane_distance(u, v)
     return scale * u, scale * v, cosine
 
 

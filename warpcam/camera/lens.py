@@ -26,6 +26,7 @@ from warpcam.camera.lens_tensors import (
     mapped,
     nan_unless,
     root,
+    seen_alone,
     worlds_of,
 )
 
@@ -144,11 +145,14 @@ class FormulaLens(Lens):
         where = f"{type(self).__name__}.project"
         given = as_coordinates(points, 3, f"{where}: points")
         matrix, _, formula = self._on_device(given, width, height, where)
-        x, y, z = given.double().unbind(-1)
-        u, v = self.onto_plane(x, -y, -z, formula)
-        column, row = mapped(matrix, u, v)
-        somewhere = (x != 0.0) | (y != 0.0) | (z != 0.0) | (self.projection == "orthographic")
-        return torch.stack([nan_unless(somewhere, column), nan_unless(somewhere, row)], dim=-1).to(given.dtype)
+
+        def pixels_of(points: torch.Tensor) -> torch.Tensor:
+            x, y, z = points.unbind(-1)
+            column, row = mapped(matrix, *self.onto_plane(x, -y, -z, formula))
+            somewhere = (x != 0.0) | (y != 0.0) | (z != 0.0) | (self.projection == "orthographic")
+            return torch.stack([nan_unless(somewhere, column), nan_unless(somewhere, row)], dim=-1)
+
+        return seen_alone(pixels_of, given.double(), lambda: (0.0, 0.0, -1.0)).to(given.dtype)
 
     def unproject(
         self,
@@ -161,32 +165,47 @@ class FormulaLens(Lens):
     ) -> torch.Tensor:
         where = f"{type(self).__name__}.unproject"
         given = as_coordinates(pixels, 2, f"{where}: pixels")
-        _, inverse, formula = self._on_device(given, width, height, where)
-        u, v = mapped(inverse, *given.double().unbind(-1))
-        x, y, z = self.from_plane(u, v, formula)
-        rays = torch.stack([x, -y, -z], dim=-1)
-        length = along_rays(rays, given, depth, distance, where)
-        if length is None:
-            return rays.to(given.dtype)
-        points = length * rays
-        if (start := self.origins(u, v)) is not None:
-            points = points + torch.stack([start[0], -start[1], torch.zeros_like(u)], dim=-1)
-        return points.to(given.dtype)
+        matrix, inverse, formula = self._on_device(given, width, height, where)
 
-    def pixel_rays(self, width: int, height: int, worlds: int, where: str) -> np.ndarray:
-        """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing."""
+        def seen_by(pixels: torch.Tensor) -> torch.Tensor:
+            u, v = mapped(inverse, *pixels.unbind(-1))
+            x, y, z = self.from_plane(u, v, formula)
+            rays = torch.stack([x, -y, -z], dim=-1)
+            length = along_rays(rays, given, depth, distance, where)
+            if length is None:
+                return rays
+            points = length * rays
+            if (start := self.origins(u, v)) is not None:
+                points = points + torch.stack([start[0], -start[1], torch.zeros_like(u)], dim=-1)
+            return points
+
+        def middle() -> tuple[torch.Tensor, torch.Tensor]:
+            origin = torch.zeros_like(given[..., 0], dtype=torch.float64)
+            return mapped(matrix, origin, origin)
+
+        return seen_alone(seen_by, given.double(), middle).to(given.dtype)
+
+    def pixel_rays(
+        self, width: int, height: int, worlds: int, where: str, parts: tuple[int, int] = (1, 1)
+    ) -> np.ndarray:
+        """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing.
+
+        With ``parts``, so many across and down, of each pixel: the centres of these.
+        """
         numbers = self.numbers(width, height, worlds, where)
-        row, column = np.divmod(np.arange(height * width, dtype=np.float64), width)
-        table = np.empty((worlds, height * width, 3))
+        across, down = parts[0] * width, parts[1] * height
+        row, column = np.divmod(np.arange(down * across, dtype=np.float64), across)
+        row, column = (row + 0.5) / parts[1], (column + 0.5) / parts[0]
+        table = np.empty((worlds, down * across, 3))
         for world in range(worlds):
             _, inverse, formula = lens_tensors(numbers.of(world), 0, torch.device("cpu"))
-            for first in range(0, height * width, AT_ONCE):
+            for first in range(0, down * across, AT_ONCE):
                 some = slice(first, first + AT_ONCE)
-                centres = mapped(inverse, torch.from_numpy(column[some] + 0.5), torch.from_numpy(row[some] + 0.5))
+                centres = mapped(inverse, torch.from_numpy(column[some]), torch.from_numpy(row[some]))
                 rays = self.from_plane(*centres, formula)
                 for axis, (sign, values) in enumerate(zip((1.0, -1.0, -1.0), rays, strict=True)):
                     table[world, some, axis] = sign * values.numpy()
-        return np.nan_to_num(table, copy=False, nan=0.0).reshape(worlds, height, width, 3)
+        return np.nan_to_num(table, copy=False, nan=0.0).reshape(worlds, down, across, 3)
 
     def _on_device(
         self, given: torch.Tensor, width: int | None, height: int | None, where: str

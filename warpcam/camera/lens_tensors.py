@@ -1,7 +1,7 @@
 """Coordinates and numbers of lenses as torch tensors."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -136,6 +136,31 @@ def mapped(matrix: Columns, x: torch.Tensor, y: torch.Tensor) -> tuple[torch.Ten
     over = matrix[6] * x + matrix[7] * y + matrix[8]
     over = nan_unless(over > 0.0, over)
     return (matrix[0] * x + matrix[1] * y + matrix[2]) / over, (matrix[3] * x + matrix[4] * y + matrix[5]) / over
+
+
+def with_gradient(value: torch.Tensor, change: torch.Tensor) -> torch.Tensor:
+    """Return a value that was found without derivatives, with those of ``change``, its first order."""
+    return value + (change - change.detach()) if change.requires_grad else value
+
+
+def seen_alone(
+    compute: Callable[[torch.Tensor], torch.Tensor], given: torch.Tensor, instead: Callable[[], Columns]
+) -> torch.Tensor:
+    """Return what is computed of coordinates, NaN where that is NaN, with derivatives of 0 there.
+
+    Derivatives of NaN are NaN, also of what a caller leaves out afterwards.
+
+    Args:
+        compute: Leads from (..., m) to (..., n).
+        given: (..., m).
+        instead: Gives the m coordinates of a place that is seen, which stands in for those that are not.
+    """
+    if not (given.requires_grad and torch.is_grad_enabled()):
+        return compute(given)
+    with torch.no_grad():
+        seen = ~compute(given).isnan().any(dim=-1, keepdim=True)
+        place = torch.stack([torch.zeros_like(given[..., 0]) + each for each in instead()], dim=-1)
+    return nan_unless(seen, compute(torch.where(seen, given, place)))
 
 
 def nan_unless(good: torch.Tensor, value: torch.Tensor) -> torch.Tensor:

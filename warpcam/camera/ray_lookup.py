@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from warpcam.camera.lens_tensors import nan_unless
+from warpcam.camera.lens_tensors import nan_unless, with_gradient
 
 SCORES = 1 << 22  # of points and rays that are compared at a time
 ROUNDS = 10  # of the search between pixels
@@ -43,7 +43,7 @@ class RayLookup:
                 weight = (across if right else 1.0 - across) * (down if below else 1.0 - down)
                 rows, columns = (top + below).clamp(max=height - 1), (left + right).clamp(max=width - 1)
                 ray = self.directions[world, rows, columns]
-                used = (weight != 0.0)[..., None]
+                used = (weight != 0.0)[..., None] | ray.isfinite()
                 direction = direction + torch.where(used, weight[..., None] * ray, 0.0)
                 start = start + weight[..., None] * self.starts[world, rows, columns]
         direction = direction / direction.norm(dim=-1, keepdim=True)
@@ -51,6 +51,7 @@ class RayLookup:
 
     def pixels_of(self, world: torch.Tensor, points: torch.Tensor) -> torch.Tensor:
         """Return where rays meet points, (n, 2) of points (n, 3) and their worlds (n,); NaN where none does."""
+        given, points = points, points.detach()
         _, height, width, _ = self.directions.shape
         nearest = self._nearest(world, points)
         column, row = (nearest % width) + 0.5, torch.div(nearest, width, rounding_mode="floor") + 0.5
@@ -71,7 +72,27 @@ class RayLookup:
             off, slope_column, slope_row = self._slopes(world, column, row, points)
         pixel = torch.maximum(slope_column.norm(dim=-1), slope_row.norm(dim=-1))
         met = off.norm(dim=-1) <= NEAR_ENOUGH * pixel
+        given = torch.where(met[..., None], given, math.inf)
+        column, row = self._follow(world, column, row, given, slope_column, slope_row)
         return nan_unless(met[..., None], torch.stack([column, row], dim=-1))
+
+    def _follow(
+        self,
+        world: torch.Tensor,
+        column: torch.Tensor,
+        row: torch.Tensor,
+        points: torch.Tensor,
+        slope_column: torch.Tensor,
+        slope_row: torch.Tensor,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return pixels that were found with their derivatives by the points: rays go on to meet these."""
+        if not points.requires_grad:
+            return column, row
+        towards = torch.nan_to_num(points - self.at(world, column, row)[1], nan=1.0, posinf=1.0)
+        towards = towards / towards.norm(dim=-1, keepdim=True)
+        slopes = torch.nan_to_num(torch.stack([slope_column, slope_row], dim=-1))
+        change = (torch.linalg.pinv(slopes) @ towards[..., None])[..., 0]
+        return with_gradient(column, change[..., 0]), with_gradient(row, change[..., 1])
 
     def _nearest(self, world: torch.Tensor, points: torch.Tensor) -> torch.Tensor:
         """The number of the pixel whose ray passes each point at the smallest angle."""

@@ -199,7 +199,10 @@ class Equirectangular(FormulaTableLens):
         return LensNumbers(camera_matrix(*focal, *centre), {"half_x": half[0], "half_y": half[1]})
 
     def onto_plane(self, x: torch.Tensor, y: torch.Tensor, z: torch.Tensor, formula: Mapping[str, Any]) -> Place:
-        return _within(torch.atan2(x, z), torch.atan2(y, torch.hypot(x, z)), formula)
+        upright = (x == 0.0) & (z == 0.0)  # no azimuth, and no derivative: above or below the camera
+        ahead = torch.where(upright, 1.0, z)
+        azimuth = torch.where(upright, torch.atan2(x.detach(), z.detach()), torch.atan2(x, ahead))
+        return _within(azimuth, torch.atan2(y, torch.where(upright, 0.0, torch.hypot(x, ahead))), formula)
 
     def from_plane(self, u: torch.Tensor, v: torch.Tensor, formula: Mapping[str, Any]) -> Direction:
         u, v = _within(u, v, formula)

@@ -24,7 +24,7 @@ class Selection:
         self._num_worlds, self._device, self._call = num_worlds, device, "render"
         self.mask = wp.full(num_worlds, 1, dtype=wp.uint8, device=device)
 
-    def select(self, worlds: Any, capturing: bool, call: str = "render") -> None:
+    def select(self, worlds: Any, capturing: bool, call: str) -> None:
         """Make ``mask`` be of ``worlds``: see ``Renderer.render``; ``call`` is what the user called."""
         self._call = call
         on_device = torch_interop.as_array(worlds)

@@ -35,10 +35,9 @@ SPLIT_ABOVE_PIXELS = 2**22
 CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
 TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
+MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
 
 Images = dict[str | int, dict[str, torch_interop.Tensor]]
-
-MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +68,7 @@ class Renderer:
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
+        lock: Held while a frame is queued, drawn on a CPU; a thread holds it on to use images before others draw again.
 
     Raises:
         WarpcamError: A camera does not fit the scene, or more memory is needed than the device has free.
@@ -84,8 +84,7 @@ class Renderer:
         self._scene, self._device = scene, scene.device
         self.memory = estimate_memory(scene, cameras)
         require_free(self.memory, scene.device)
-        self._graph = graph and scene.device.is_cuda
-        self._lock = recording_lock(scene.device)
+        self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = scene.tables()
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         self._passes = {
@@ -133,16 +132,20 @@ class Renderer:
         Returns:
             ``images``.
         """
+        return self.draw(worlds, forward, "render")
+
+    def draw(self, worlds: Any, forward: bool, call: str) -> Images:
+        """Render for a sensor, whose ``call`` begins the texts of errors."""
         if not isinstance(forward, bool | np.bool_):
-            raise WarpcamError(f"render: forward must be True or False, got {forward!r}")
-        with self._lock, torch_interop.in_order(self._device) as capturing:
+            raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
+        with self.lock, torch_interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
-                    "render: a capture is under way, but this scene's poses come from the host and would not be copied "
-                    "again when the graph is replayed; render outside of it, or use from_mujoco_warp"
+                    f"{call}: a capture is under way, but this scene's poses come from the host and would not be "
+                    "copied again when the graph is replayed; render outside of it, or use from_mujoco_warp"
                 )
             if worlds is not None:
-                self._selection.select(worlds, capturing)
+                self._selection.select(worlds, capturing, call)
             if forward:
                 self._scene.forward()
             self._scene.refresh()
@@ -167,7 +170,7 @@ class Renderer:
         """
         if self._shape_history is None:
             return
-        with self._lock, torch_interop.in_order(self._device) as capturing:
+        with self.lock, torch_interop.in_order(self._device) as capturing:
             if worlds is None:
                 self._shape_history.frame_state.zero_()
                 return
@@ -203,7 +206,7 @@ class Renderer:
             lens: One for all worlds, or, if the camera was built with one for each, one for each.
         """
         torch_interop.require_no_capture(self._device, "set_lens")
-        with self._lock, torch_interop.in_order(self._device):
+        with self.lock, torch_interop.in_order(self._device):
             self._bindings[self._key(camera)].set_table(lens)
 
     @property
@@ -243,7 +246,7 @@ class Renderer:
         def record_views(frame_start: Any) -> Iterator[Stage]:
             for key, binding in self._bindings.items():
                 target = self._passes[key]
-                yield binding.bind(mask, faults, tables, target, frame_start)
+                yield from binding.bind(mask, faults, tables, target, frame_start)
                 frame_start = None
 
         images = {key: target.images for key, target in self._passes.items()}
@@ -322,12 +325,10 @@ class Renderer:
         return self._device.is_cuda and pixels >= SPLIT_ABOVE_PIXELS
 
     def _pixels(self, phase: Rounds) -> int:
-        batches = itertools.chain(*phase)
-        return sum(len(each.worlds) * self._area(each) for each in batches)
+        return sum(len(each.worlds) * self._area(each) for each in itertools.chain(*phase))
 
     def _area(self, batch: Batch) -> int:
-        camera = self._cameras[batch.camera]
-        return camera.width * camera.height
+        return self._passes[batch.camera].pixels
 
     def _chains(self, tables: SceneTables, images: LentImages) -> list[list[list[Batch]]] | None:
         """Phases that need not wait for each other, where that is better than one after another.
@@ -375,8 +376,7 @@ class Renderer:
         seen = self._bindings[key].camera_tables(tables)
         parts = parts if batch.buffers and self._is_large(len(batch.worlds) * area) else 1
         cuts = cuts_in_waves(len(batch.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
-        bounds = [batch.worlds.start + cut for cut in cuts]
-        for first, end in itertools.pairwise(bounds):
+        for first, end in itertools.pairwise(batch.worlds.start + cut for cut in cuts):
             group = Group(range(first, end), busiest // area)
             mask = self._selection.mask
             plan, stages = self._passes[key].bind(seen, group, batch.buffers, mask, self._faults)

@@ -3,6 +3,7 @@
 from warpcam.sensors import patterns
 from warpcam.sensors.camera_model import CameraModel
 from warpcam.sensors.cloud_export import to_open3d, write_ply
+from warpcam.sensors.color.depth_of_field import DepthOfField
 from warpcam.sensors.color.exposure import Exposure, Gain, WhiteBalance
 from warpcam.sensors.color.fixed_patterns import DeadPixels, Dsnu, Prnu
 from warpcam.sensors.color.jpeg import JpegArtifacts
@@ -53,6 +54,7 @@ __all__ = [
     "DepthBias",
     "DepthDrift",
     "DepthFixedPattern",
+    "DepthOfField",
     "DepthQuantization",
     "DepthRange",
     "DisparityNoise",

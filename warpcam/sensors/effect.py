@@ -86,6 +86,7 @@ class EffectFrame:
         device: Where all arrays lie.
         memory: Arrays of the effect that last from frame to frame: ``keep``.
         worlds: Which worlds of the scene the arrays have.
+        pinhole: Rays of pixels follow from ``views``, from one point.
     """
 
     source: wp.array
@@ -102,6 +103,7 @@ class EffectFrame:
     device: wp.Device
     memory: dict[str, wp.array]
     worlds: range
+    pinhole: bool = False
 
     def per_pixel(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each pixel of each world; the index of a thread is world * pixels + pixel."""

@@ -180,9 +180,10 @@ class Lidar:
             scene.body(body, "Lidar: exclude_body")
         self.memory = self._memory(estimate_memory(scene, [camera]))
         require_free(self.memory, scene.device)
-        near = per_world(pattern.min_range, "Lidar: min_range", self._num_worlds, ())
-        arrays = {"min_range": wp.array(near, dtype=wp.float32, device=self._device)}
-        limits = {"min_range": (0.0, math.inf), "max_range": (0.0, math.inf)}
+        arrays, limits = {}, {}
+        for name in ("min_range", "max_range"):
+            values = np.full(self._num_worlds, getattr(pattern, name), np.float32)
+            arrays[name], limits[name] = wp.array(values, device=self._device), (0.0, math.inf)
         models = {"noise": _model("noise", noise, LidarNoise), "dropout": _model("dropout", dropout, LidarDropout)}
         for name, model in models.items():
             for entry in parameters_of(model):
@@ -212,12 +213,7 @@ class Lidar:
             place=self._place,
         )
         self.renderer = ScanRenderer(scene, camera, setup, graph=graph)
-        arrays = {
-            "position": mount.positions,
-            "rotation": mount.rotations,
-            "max_range": self.renderer.max_range,
-            **arrays,
-        }
+        arrays = {"position": mount.positions, "rotation": mount.rotations, **arrays}
         self.parameters = WorldArrays("Lidar", arrays, self._num_worlds, self._device, limits)
         self._selection = Selection(self._num_worlds, self._device)
         inputs = [self._selection.mask, self._poses.known]
@@ -247,7 +243,7 @@ class Lidar:
               ray, or in the world's. ``miss`` where nothing returns.
             - ``times`` float32 [s]: from the sweep's beginning, the pattern's own; one memory for all worlds.
         """
-        self.renderer.render(worlds, forward)
+        self.renderer.draw(worlds, forward, "Lidar.read")
         return self.scan
 
     def reset(self, worlds: Any = None) -> None:
@@ -259,11 +255,11 @@ class Lidar:
         Args:
             worlds: As ``read`` takes them.
         """
-        with torch_interop.in_order(self._device) as capturing:
+        with self.renderer.lock, torch_interop.in_order(self._device) as capturing:
             if worlds is None:
                 self._poses.known.zero_()
                 return
-            self._selection.select(worlds, capturing, "reset")
+            self._selection.select(worlds, capturing, "Lidar.reset")
             self._forget.launch()
 
     def __reduce__(self) -> Any:

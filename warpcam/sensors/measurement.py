@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.launch import Stage, bind_launch
@@ -17,7 +18,6 @@ from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
-from warpcam.sensors.memory import shared
 from warpcam.sensors.timing.clock import Clock
 from warpcam.sensors.timing.delivery import DeliveredImages, Delivery
 
@@ -237,6 +237,7 @@ class Measurement:
             device=self._device,
             memory=self._memories.setdefault((number, worlds), {}),
             worlds=worlds,
+            pinhole=self._is_pinhole(),
         )
 
     def _bind_curve(self, kernel: wp.Kernel) -> BindStep:

@@ -12,6 +12,7 @@ from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, prepare
 from warpcam.kernels.runtime.streams import preserve_cuda_context, recording_lock
 from warpcam.render.drawn_cameras import DrawnCamera, drawn_cameras
+from warpcam.render.renderer import Renderer
 from warpcam.sensors.cloud_frames import CloudFrame, frame_of
 from warpcam.sensors.cloud_options import CloudOptions, Corners, Method, Padding, check_excluded, check_names
 from warpcam.sensors.kernels import point_clouds as kernels
@@ -88,7 +89,9 @@ class PointClouds:
         if isinstance(renderer, Rig):
             images = renderer.images if images is None else images
         self._measured = renderer  # kept with its images
-        scene, drawn = drawn_cameras(renderer.renderer if isinstance(renderer, Rig) else renderer, "PointClouds")
+        drawing = renderer.renderer if isinstance(renderer, Rig) else renderer
+        scene, drawn = drawn_cameras(drawing, "PointClouds")
+        self._lock = drawing.lock if isinstance(drawing, Renderer) else recording_lock(scene.device)
         options = CloudOptions(num_points, method, voxel_size, bounds, padding, seed)
         chosen, names, excluded = _chosen(cameras, drawn), check_names(attributes), check_excluded(exclude)
         others = {} if images is None else images
@@ -147,6 +150,7 @@ class PointClouds:
         clouds = cls.__new__(cls)
         with preserve_cuda_context():
             selection = Selection(source.points.shape[0], source.points.device)
+            clouds._lock = recording_lock(source.points.device)
             clouds._build([source], options, names, excluded, CloudFrame(), selection)
         return clouds
 
@@ -203,7 +207,6 @@ class PointClouds:
         """Allocate all memory, bind the stages and compile their kernels."""
         self._device, self._selection, self._frame, self._sources = selection.mask.device, selection, frame, sources
         torch_interop.require_no_capture(self._device, "PointClouds")
-        self._lock = recording_lock(self._device)
         self._num_worlds, points = selection.mask.shape[0], int(options.num_points)
         starts = np.cumsum([0, *(source.num_pixels for source in sources)])
         capacity, entries = _capacity(int(starts[-1]), options)

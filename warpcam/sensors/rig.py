@@ -11,7 +11,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, bind_launch, prepare
-from warpcam.kernels.runtime.streams import nonblocking_stream, recording_lock
+from warpcam.kernels.runtime.streams import nonblocking_stream
 from warpcam.render.renderer import Images, Renderer
 from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
@@ -28,8 +28,9 @@ MAX_THREADS = 2**31
 class Rig:
     """Cameras of a renderer, and what each measures.
 
-    Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing. A renderer
-    and its rigs are used by one thread at a time, and by one rig where effects read ``flow``.
+    Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing. Threads
+    may read rigs of one renderer: each read measures what it has rendered. Outputs that no effect changes are those of
+    the frame drawn last, whoever drew it. Where effects read ``flow`` a renderer has one rig.
 
     Args:
         renderer: Draws the cameras.
@@ -62,7 +63,6 @@ class Rig:
         self._frames = wp.zeros(self._num_worlds, dtype=wp.int32, device=device)
         self.frames = torch_interop.to_torch(self._frames)
         self._graphs: list[wp.Graph] = []
-        self._lock = recording_lock(device)
         self._reset = Selection(self._num_worlds, device)
         self._measurements: dict[str | int, Measurement] = {}
         for number, (camera, effects) in enumerate(sensors.items()):
@@ -108,10 +108,11 @@ class Rig:
             if measurement.timed:
                 self._clock.require(time, f"{measurement.timed} of {camera!r}")
         given = self._clock.check(time)
-        self.renderer.render(worlds, forward)
-        with self._lock, torch_interop.in_order(self._device) as capturing:
-            self._clock.set(given)
-            self._run(capturing)
+        with self.renderer.lock:
+            self.renderer.draw(worlds, forward, "Rig.read")
+            with torch_interop.in_order(self._device) as capturing:
+                self._clock.set(given)
+                self._run(capturing)
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -123,14 +124,16 @@ class Rig:
         Args:
             worlds: As ``read`` takes them.
         """
-        self.renderer.reset(worlds)
-        with self._lock, torch_interop.in_order(self._device) as capturing:
-            if worlds is None:
-                self._reset.mask.fill_(1)
-            else:
-                self._reset.select(worlds, capturing, "reset")
-            for stage in self._forget:
-                stage.launch()
+        with self.renderer.lock:
+            with torch_interop.in_order(self._device) as capturing:
+                if worlds is None:
+                    self._reset.mask.fill_(1)
+                else:
+                    self._reset.select(worlds, capturing, "Rig.reset")
+            self.renderer.reset(worlds)
+            with torch_interop.in_order(self._device):
+                for stage in self._forget:
+                    stage.launch()
 
     def parameters(self, camera: str | int) -> WorldArrays:
         """Return the parameters of a camera's effects: tensors (world,) or (world, n) that may be written in place.

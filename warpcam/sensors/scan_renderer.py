@@ -11,9 +11,10 @@ from warpcam.accel import offset_ray_tables, ray_tables
 from warpcam.camera.camera import Camera
 from warpcam.core.color import srgb_to_linear
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.types import PLANE
 from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
-from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
+from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_planes, scan_poses, scan_rays
 from warpcam.sensors.kernels.far_sides import bind_far_sides
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.kernels.scan_echoes import SPREAD
@@ -35,7 +36,7 @@ class ScanSetup:
         poses: ``ScanPoses``.
         rays: ``ScanRays``.
         scan: ``Scan``.
-        params: ``ScanParams``, but for ``max_range``.
+        params: ``ScanParams``.
         seeds: int32, (world,).
         echoes: ``Echoes``.
         gap: Between echoes [m].
@@ -67,11 +68,6 @@ class ScanRenderer(Renderer):
         self._luminance = wp.array(LUMINANCE, dtype=wp.float32, device=scene.device)
         super().__init__(scene, [camera], graph=graph)
 
-    @property
-    def max_range(self) -> wp.array:
-        """Farthest range of each world, (world,) float32 [m]; may be written."""
-        return self._bindings[CAMERA].arrays["far"]
-
     def _head(self, everything: bool) -> list[Stage]:
         """Stages that place the sensor, and write its rays where they change."""
         setup, scene, device, mask = self._setup, self._scene, self._device, self._selection.mask
@@ -79,7 +75,7 @@ class ScanRenderer(Renderer):
         mount = setup.mount
         mount.parent_positions, mount.parent_rotations = scene.array("body_positions"), scene.array("body_rotations")
         pose = [binding.arrays["position"], binding.arrays["rotation"]]
-        inputs = [mount, mask, int(everything), setup.poses, *pose]
+        inputs = [mount, mask, int(everything), setup.poses, *pose, setup.params.max_range, binding.arrays["far"]]
         worlds = scene.num_worlds
         stages = [
             bind_launch(scan_poses.place_sensor, worlds, inputs, device, block_dim=BLOCK_DIM),
@@ -111,19 +107,28 @@ class ScanRenderer(Renderer):
         traced.luminance = self._luminance
         randomness.seeds, randomness.frames = setup.seeds, self._counters.frames
         randomness.stream = STREAM
-        setup.params.max_range = self.max_range
+        seen: list[Any] = [mask, setup.rays, setup.poses, traced, self._planes()]
         stages = []
         if setup.far_sides:
             tables = self._bindings[CAMERA].camera_tables(self._scene.tables())
             shapes, materials = tables.shapes, tables.materials
-            stages.append(bind_far_sides(mask, shapes, materials, setup.rays, setup.poses, traced, worlds, device))
+            limit, rays, poses = setup.params.max_range, setup.rays, setup.poses
+            stages.append(bind_far_sides(mask, limit, shapes, materials, rays, poses, traced, worlds, device))
         if setup.echoes.spread:
-            inputs = [mask, setup.rays, setup.poses, traced, setup.params, setup.gap, setup.echoes]
+            inputs = [*seen, setup.params, setup.gap, setup.echoes]
             stages.append(bind_launch(scan_echoes.find_echoes, worlds * pixels // SPREAD, inputs, device))
         run = 1 if device.is_cuda else CPU_RUN
-        inputs = [mask, setup.rays, setup.poses, traced, setup.echoes, setup.params, randomness, setup.scan, run]
+        inputs = [*seen, setup.echoes, setup.params, randomness, setup.scan, run]
         threads = worlds * -(-setup.scan.ranges.shape[1] // run)
         return [[[*stages, bind_launch(scan_measurement.measure, threads, inputs, device)]]]
+
+    def _planes(self) -> Any:
+        planes, shapes = scan_planes.EndlessPlanes(), self._scene.tables().shapes
+        drawn = shapes.drawn.numpy()
+        numbers = drawn[shapes.types.numpy()[drawn] == PLANE]
+        planes.shapes = wp.array(numbers, dtype=wp.int32, device=self._device)
+        planes.positions, planes.rotations, planes.sizes = shapes.positions, shapes.rotations, shapes.sizes
+        return planes
 
 
 def reach_of(origins: np.ndarray | None) -> float:

@@ -91,10 +91,10 @@ struct RaysOfTable {
     WARPCAM_DEVICE int pixel(int ray) const { return ray; }
 };
 
-// Put exits in place of what some rays of a world meet behind them.
+// Put exits up to a distance in place of what some rays of a world meet behind them.
 template <class Shapes, class Materials, class Rays, class Traced>
 WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials, const Rays& rays, const Traced& traced,
-                               int world, int first, int end)
+                               float farthest, int world, int first, int end)
 {
     const Vec3 middle = rays.start((first + end) / 2);
     float reach = 0.0f;
@@ -118,7 +118,7 @@ WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials,
             const int pixel = rays.pixel(ray);
             float& distance = *wp::address(traced.distance, world, pixel);
             const ExitHit exit = exit_of(solid, rays.start(ray), [&] { return rays.direction(ray); });
-            if (!(exit.distance < min(distance, MISS)))
+            if (!(exit.distance < min(distance, MISS)) || exit.distance > farthest)
                 continue;
             distance = exit.distance;
             if (traced.shapes.shape[0] > 0)
@@ -145,14 +145,15 @@ WARPCAM_DEVICE ExitRun exit_run(int count, int index)
     return { index / runs, first, min(first + EXIT_RUN, count) };
 }
 
-template <class Mask, class Shapes, class Materials, class Rays, class Poses, class Traced>
-WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Shapes& shapes, const Materials& materials, const Rays& rays,
-                                   const Poses& poses, const Traced& traced, int index)
+template <class Mask, class Ranges, class Shapes, class Materials, class Rays, class Poses, class Traced>
+WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Ranges& max_range, const Shapes& shapes,
+                                   const Materials& materials, const Rays& rays, const Poses& poses,
+                                   const Traced& traced, int index)
 {
     const ExitRun run = exit_run(rays.rows * rays.columns, index);
     if (wp::index(mask, run.world))
-        find_exits(shapes, materials, RaysOfLidar<Rays, Poses> { rays, poses, run.world }, traced, run.world, run.first,
-                   run.end);
+        find_exits(shapes, materials, RaysOfLidar<Rays, Poses> { rays, poses, run.world }, traced,
+                   wp::index(max_range, run.world), run.world, run.first, run.end);
 }
 
 // `first_row`: floats of the table before those of pixels.
@@ -162,7 +163,7 @@ WARPCAM_DEVICE void meet_far_sides_of_table(const Shapes& shapes, const Material
 {
     const ExitRun run = exit_run(count, index);
     const RaysOfTable rays { wp::address(table, run.world, first_row) };
-    find_exits(shapes, materials, rays, traced, run.world, run.first, run.end);
+    find_exits(shapes, materials, rays, traced, MISS, run.world, run.first, run.end);
 }
 
 }  // namespace warpcam

@@ -112,7 +112,7 @@ class RayCaster:
                 "is offered for rays along z; allowed are these, 'base' and 'world'"
             )
         rows = (self.num_rays // columns_of(starts, directions), -1, 3)
-        far = float(np.nextafter(np.float32(getattr(cfg, "max_distance", 1e6)), np.float32(np.inf)))
+        far = real(getattr(cfg, "max_distance", 1e6))
         origins = starts.reshape(rows) if starts.any() else None
         mount = kernels.CasterMount()
         mount.body, mount.alignment = body, ALIGNMENTS[alignment]

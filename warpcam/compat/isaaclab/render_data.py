@@ -16,6 +16,7 @@ from warpcam.compat.isaaclab.lenses import lens_of
 from warpcam.compat.isaaclab.tonemap import bind_tonemap
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, launch_kernel
 
 # Isaac Lab's cameras look along +x with z up: this turns them to look along -z with y up. x y z w.
@@ -205,15 +206,15 @@ class RenderData:
             raise WarpcamError(f"{kind}: a contiguous buffer {shape} is needed, got {tuple(buffer.shape)}")
         pixels = (image.shape[0], image.shape[1] * image.shape[2])
         if kind in ("rgba", "albedo"):
-            return _bound(packing.bind_color(image, packing.RGBA, _seen_as(buffer, wp.uint32, pixels), 0, device))
+            return _bound(packing.bind_color(image, packing.RGBA, shared(buffer, pixels, wp.uint32), 0, device))
         if kind in simple_shading.LEVELS:
             return _bound(bind_tonemap(image, buffer, device))
         if kind == "distance_to_camera":
             beyond = {"max": self._far, "zero": 0.0, "none": np.inf}[self._cfg.depth_clipping_behavior]
-            return _bound(packing.bind_clipped(image, beyond, _seen_as(buffer, wp.float32, pixels), device))
+            return _bound(packing.bind_clipped(image, beyond, shared(buffer, pixels, wp.float32), device))
         if kind == "motion_vectors":
             flat = (pixels[0], 2 * pixels[1])
-            return _bound(packing.bind_negated(image, _seen_as(buffer, wp.float32, flat), device))
+            return _bound(packing.bind_negated(image, shared(buffer, flat, wp.float32), device))
         if kind == "instance_id_segmentation_fast":
             return _bound(self._shape_ids(image, buffer, pixels))
         if kind in LABELLED:
@@ -232,7 +233,7 @@ class RenderData:
         ids = table if table is not None and table.size else wp.zeros(0, dtype=wp.uint32, device=self._scene.device)
         other = _signed(OPAQUE_BLACK) if colorize else UNLABELLED_ID
         miss = 0 if colorize else BACKGROUND_ID
-        out = _seen_as(buffer, wp.int32, shape)
+        out = shared(buffer, shape, wp.int32)
         return _bound(packing.bind_look_up(image, ids.view(wp.int32), miss, other, out, self._scene.device))
 
     def _shape_ids(self, image: wp.array, buffer: wp.array, pixels: tuple[int, int]) -> Stage:
@@ -253,17 +254,12 @@ class RenderData:
         table = wp.array(np.asarray(values, np.int64).astype(np.int32), dtype=wp.int32, device=device)
         other = _signed(OPAQUE_BLACK) if colorize else UNLABELLED_ID
         miss = 0 if colorize else BACKGROUND_ID
-        return packing.bind_look_up(image, table, miss, other, _seen_as(buffer, wp.int32, pixels), device)
+        return packing.bind_look_up(image, table, miss, other, shared(buffer, pixels, wp.int32), device)
 
 
 def _bound(stage: Stage) -> Callable[[], Any]:
     stage.prepare()
     return stage.launch
-
-
-def _seen_as(buffer: wp.array, dtype: Any, shape: tuple[int, int]) -> wp.array:
-    """Return a view of the memory with another dtype."""
-    return wp.array(ptr=buffer.ptr, dtype=dtype, shape=shape, device=buffer.device, copy=False)
 
 
 def _signed(number: int) -> int:

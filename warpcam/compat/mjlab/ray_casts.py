@@ -89,10 +89,9 @@ class FrameRays:
         worlds, count, device = scene.num_worlds, len(directions), scene.device
         rows = (count // columns_of(offsets, directions), -1, 3)
         origins = offsets.reshape(rows) if offsets.any() else None  # a table without origins is traced faster
-        farthest = float(np.nextafter(np.float32(max_distance), np.float32(np.inf)))  # what lies there is met
         self._lidar = sensors.Lidar(
             scene,
-            sensors.patterns.rays(directions.reshape(rows), origins=origins, max_range=farthest),
+            sensors.patterns.rays(directions.reshape(rows), origins=origins, max_range=max_distance),
             outputs=("ranges", "normals"),
             miss=MISS,
             exclude_body=frame.body if excludes else (),

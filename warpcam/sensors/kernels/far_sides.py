@@ -16,9 +16,10 @@ RUN = 32  # rays of a thread
 
 meet_far_sides = make_kernel(
     "meet_far_sides",
-    "warpcam::meet_far_sides(mask, shapes, materials, rays, poses, traced, index);",
+    "warpcam::meet_far_sides(mask, max_range, shapes, materials, rays, poses, traced, index);",
     {
         "mask": wp.array(dtype=wp.uint8),
+        "max_range": wp.array(dtype=wp.float32),
         "shapes": Shapes,
         "materials": Materials,
         "rays": ScanRays,
@@ -45,11 +46,19 @@ meet_far_sides_of_table = make_kernel(
 
 
 def bind_far_sides(
-    mask: wp.array, shapes: Any, materials: Any, rays: Any, poses: Any, traced: Any, num_worlds: int, device: wp.Device
+    mask: wp.array,
+    max_range: wp.array,
+    shapes: Any,
+    materials: Any,
+    rays: Any,
+    poses: Any,
+    traced: Any,
+    num_worlds: int,
+    device: wp.Device,
 ) -> Stage:
     """The stage that puts far sides in place of what ``traced`` has behind them."""
     runs = -(-rays.rows * rays.columns // RUN)
-    inputs = [mask, shapes, materials, rays, poses, traced]
+    inputs = [mask, max_range, shapes, materials, rays, poses, traced]
     return bind_launch(meet_far_sides, num_worlds * runs, inputs, device)
 
 

@@ -87,18 +87,21 @@ pack_points = make_kernel(
     "warpcam::pack_points(source, crop, candidates, index);",
     {"source": PointSource, "crop": Crop, "candidates": Candidates},
     native_module("sensors/pack_points.h", THREADS),
+    (THREADS, 8),
 )
 thin_to_voxels = make_kernel(
     "thin_to_voxels",
     "warpcam::thin_to_voxels(candidates, size, table, index);",
     {"candidates": Candidates, "size": wp.float32, "table": wp.array2d(dtype=wp.int32)},
     native_module("sensors/voxel_points.h", THREADS),
+    (THREADS, 5),
 )
 pick_farthest = make_kernel(
     "pick_farthest",
     "warpcam::pick_farthest(candidates, picks, index);",
     {"candidates": Candidates, "picks": wp.array2d(dtype=wp.int32)},
     native_module("sensors/farthest_points.h", THREADS),
+    (THREADS, 4),
 )
 
 

@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.scan_measurement import Echoes, ScanParams, TracedScan, ray_light
+from warpcam.sensors.kernels.scan_planes import FAR_AWAY, EndlessPlanes, runs_along_plane, within_reach
 from warpcam.sensors.kernels.scan_poses import ScanPoses
 from warpcam.sensors.kernels.scan_rays import ScanRays
 
@@ -20,6 +21,7 @@ def find_echoes(
     rays: ScanRays,
     poses: ScanPoses,
     traced: TracedScan,
+    planes: EndlessPlanes,
     params: ScanParams,
     gap: wp.float32,
     echoes: Echoes,
@@ -37,11 +39,16 @@ def find_echoes(
     center = row * SPREAD * columns + column
     left = Spread()  # distances that belong to no echo yet
     lights = Spread()
+    far = params.max_range[world]
     for k in range(SPREAD):
         ray = center + k * columns
         distance = traced.distance[world, ray]
+        if distance > FAR_AWAY:
+            if runs_along_plane(planes, rays, poses, world, ray, distance):
+                distance = wp.inf
+        distance = within_reach(distance, far)
         left[k] = wp.inf
-        if distance >= params.min_range[world] and distance <= params.max_range[world]:
+        if distance >= params.min_range[world] and distance <= far:
             left[k] = distance
             lights[k] = 1.0
             if traced.albedo.shape[0] > 0 and wp.isfinite(distance):

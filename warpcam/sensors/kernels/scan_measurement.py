@@ -8,6 +8,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.random import Randomness, world_state
+from warpcam.sensors.kernels.scan_planes import FAR_AWAY, EndlessPlanes, runs_along_plane, within_reach
 from warpcam.sensors.kernels.scan_poses import ScanPoses, pose_at
 from warpcam.sensors.kernels.scan_rays import ScanRays, direction_of, origin_of
 
@@ -105,6 +106,7 @@ def measure(
     rays: ScanRays,
     poses: ScanPoses,
     traced: TracedScan,
+    planes: EndlessPlanes,
     echoes: Echoes,
     params: ScanParams,
     randomness: Randomness,
@@ -149,6 +151,10 @@ def measure(
                 row, column = row_and_column(place, rays.columns)
                 ray = (rays.rows - 1 - row) * rays.columns + column
             distance = traced.distance[world, ray]
+            if distance > FAR_AWAY:
+                if runs_along_plane(planes, rays, poses, world, ray, distance):
+                    distance = wp.inf
+            distance = within_reach(distance, far)
         measured = distance
         returns = distance >= near and distance <= far and wp.isfinite(distance)
         if returns:

@@ -8,6 +8,8 @@ from warpcam.kernels.runtime.compile import compiler_flags
 wp.set_module_options(compiler_flags())
 
 BASE, YAW, WORLD = 0, 1, 2  # Mount.alignment
+# By how much the camera sees farther than the greatest range, at which surfaces are seen, rounding and all.
+BEYOND = wp.constant(1.0 + 2.0**-20)
 UPRIGHT = wp.constant(0.1)  # shorter is the shadow of an axis from which no yaw is taken
 
 
@@ -56,9 +58,14 @@ def place_sensor(
     poses: ScanPoses,
     positions: wp.array(dtype=wp.vec3),
     rotations: wp.array(dtype=wp.vec4),
+    ranges: wp.array(dtype=wp.float32),
+    far: wp.array(dtype=wp.float32),
     first: wp.int32,
 ):
-    """Write the pose of now, also to the camera that traces; ``everything`` is 1 where all worlds are drawn."""
+    """Write the pose of now, also to the camera that traces, and how far that sees.
+
+    ``everything`` is 1 where all worlds are drawn.
+    """
     world = first + wp.tid()
     if everything == 0 and mask[world] == wp.uint8(0):
         return
@@ -88,6 +95,7 @@ def place_sensor(
     is_pose = wp.isfinite(position) and wp.isfinite(turn) and wp.length(turn) > 0.0
     poses.known[world] = wp.where(is_pose, wp.uint8(1), wp.uint8(0))
     positions[world] = position
+    far[world] = BEYOND * ranges[world]
     rotations[world] = wp.vec4(turn[3], turn[0], turn[1], turn[2])
 
 

@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.types import View
 
 wp.set_module_options(compiler_flags())
 
@@ -29,6 +30,9 @@ class Motion:
     tile: wp.int32  # its width and height [pixels]
     width: wp.int32  # of the image [pixels]
     height: wp.int32
+    # (world,) from homogeneous places of pixels to those that looked the same way in the frame before
+    turns: wp.array(dtype=wp.mat33)
+    miss: wp.array(dtype=wp.float32)  # (world,) depth where nothing is hit [m]; NaN: what is there does not move
 
 
 @wp.struct
@@ -47,6 +51,46 @@ class Place:
 
     pixel: wp.vec2  # [pixels]
     earlier: wp.bool  # in the frame before
+
+
+@wp.kernel(enable_backward=False)
+def find_turns(motion: Motion, views: wp.array(dtype=View), before: wp.array(dtype=View), first: wp.int32):
+    """Find how the camera of a pinhole has turned since the frame before, and remember its view."""
+    world = first + wp.tid()
+    if motion.mask[world] == wp.uint8(0):
+        return
+    now = views[world]
+    last = before[world]
+    before[world] = now
+    motion.miss[world] = wp.nan
+    turn = wp.transpose(last.rotation) * now.rotation
+    if now.rotation == last.rotation and now.scale == last.scale and now.center == last.center:
+        return
+    along = wp.mat33(
+        now.scale[0], 0.0, (0.5 - now.center[0]) * now.scale[0],
+        0.0, -now.scale[1], (now.center[1] - 0.5) * now.scale[1],
+        0.0, 0.0, -1.0,
+    )  # fmt: skip
+    back = wp.mat33(
+        1.0 / last.scale[0], 0.0, 0.5 - last.center[0],
+        0.0, -1.0 / last.scale[1], 0.5 - last.center[1],
+        0.0, 0.0, -1.0,
+    )  # fmt: skip
+    motion.turns[world] = back * turn * along
+    motion.miss[world] = now.miss
+
+
+@wp.func
+def flow_at(motion: Motion, world: wp.int32, pixel: wp.int32) -> wp.vec2:
+    """Flow of a pixel; where nothing is hit that of what is infinitely far away."""
+    flow = motion.flow[world, pixel]
+    if motion.depth[world, pixel] == motion.miss[world]:
+        row, column = row_and_column(pixel, motion.width)
+        here = wp.vec3(wp.float32(column), wp.float32(row), 1.0)
+        then = motion.turns[world] * here
+        if then[2] > 0.0:
+            flow = wp.vec2(here[0] - then[0] / then[2], here[1] - then[1] / then[2])
+    return flow
 
 
 @wp.func
@@ -96,7 +140,7 @@ def find_tile_flow(motion: Motion, first: wp.int32):
     for row in range(top * motion.tile, wp.min((top + 1) * motion.tile, motion.height)):
         for column in range(left * motion.tile, wp.min((left + 1) * motion.tile, motion.width)):
             pixel = row * motion.width + column
-            flow = motion.flow[world, pixel]
+            flow = flow_at(motion, world, pixel)
             if wp.length_sq(flow) > wp.length_sq(longest):
                 longest = flow
             if motion.depth[world, pixel] < depth:
@@ -150,7 +194,7 @@ def surface_from(motion: Motion, world: wp.int32, place: wp.vec2, lag: wp.float3
     for _step in range(STEPS):
         pixel = pixel_at(motion, now)
         if pixel >= 0 and error > CONVERGED:
-            then = place + lag * motion.flow[world, pixel]
+            then = place + lag * flow_at(motion, world, pixel)
             error = wp.length(then - now)
             now = then
             depth = motion.depth[world, pixel]
@@ -171,7 +215,7 @@ def place_before(motion: Motion, world: wp.int32, row: wp.int32, column: wp.int3
     here = wp.vec2(wp.float32(column), wp.float32(row))
     pixel = row * motion.width + column
     across = (motion.width + motion.tile - 1) // motion.tile
-    own = motion.flow[world, pixel]
+    own = flow_at(motion, world, pixel)
     both = motion.spread_flow[world, row // motion.tile * across + column // motion.tile]
     result = Place()
     result.pixel = here
@@ -204,7 +248,7 @@ def place_before(motion: Motion, world: wp.int32, row: wp.int32, column: wp.int3
     there = pixel_at(motion, here + lag * own)
     if there >= 0:
         if motion.depth[world, there] > motion.depth[world, pixel]:
-            flow = motion.flow[world, there]
+            flow = flow_at(motion, world, there)
     then = here - (1.0 - lag) * flow
     result.earlier = pixel_at(motion, then) >= 0
     result.pixel = wp.where(result.earlier, then, here + lag * flow)
@@ -295,7 +339,7 @@ def expose_depth(
         return
     depth = source[world, seen]
     if valid[world, seen] != wp.uint8(0) and lag > 0.0:
-        was = pixel_at(motion, place.pixel - motion.flow[world, seen])
+        was = pixel_at(motion, place.pixel - flow_at(motion, world, seen))
         if was >= 0:
             between = depth + lag * (before[world, was] - depth)
             if wp.isfinite(between) and depth > 0.0 and before[world, was] > 0.0:

@@ -25,7 +25,7 @@ class Pattern:
         rings: (rows,) int32, the device's own number of each row; from 0 on unless given.
         rate: Sweeps a second, positive [Hz]; None where nothing depends on it.
         min_range: Nothing nearer gives a return; at least 0 [m].
-        max_range: Nothing there or farther gives a return; beyond ``min_range``, may be inf [m].
+        max_range: Nothing farther gives a return; beyond ``min_range``, may be inf [m].
         table: (n, 3) float32, directions of a sweep that takes ``rows * columns`` of them at each read, column after
             column, and goes on where the last read of any worlds ended; None: all reads have the same directions.
     """

@@ -10,10 +10,10 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels import delivery as kernels
-from warpcam.sensors.memory import shared
 
 Images = Mapping[str, wp.array]
 DISTRIBUTIONS = {"normal": kernels.NORMAL, "uniform": kernels.UNIFORM, "exponential": kernels.EXPONENTIAL}

@@ -1,5 +1,6 @@
 """Shutters: cameras that read their lines one after another, and motion during the exposure."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -8,10 +9,11 @@ import numpy as np
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.types import View
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, parameter
 from warpcam.sensors.kernels import shutter as kernels
-from warpcam.sensors.memory import shared
 
 DIRECTIONS = {"down": kernels.DOWN, "up": kernels.UP, "right": kernels.RIGHT, "left": kernels.LEFT}
 CHANGES: Mapping[str, Kind] = {"colors": "linear", "depth": "depth"}
@@ -104,6 +106,12 @@ def _bind_exposure(frame: EffectFrame, exposure: Any, is_depth: bool) -> list[St
     motion.flow = shared(frame.truth["flow"], (worlds, pixels), wp.vec2)
     motion.depth = shared(frame.truth["depth"], (worlds, pixels), wp.float32)
     motion.width, motion.height = frame.width, frame.height
+    motion.turns = wp.zeros(worlds, dtype=wp.mat33, device=frame.device)
+    motion.miss = wp.full(worlds, math.nan, dtype=wp.float32, device=frame.device)
+    turns = []
+    if frame.pinhole:
+        views = [frame.views, wp.zeros(worlds, dtype=View, device=frame.device)]
+        turns.append(frame.per_world(kernels.find_turns, [motion, *views]))
     motion.tile = max(8, max(frame.width, frame.height) // 40)
     tiles = -(-frame.width // motion.tile) * -(-frame.height // motion.tile)
     motion.tile_flow, motion.spread_flow = (
@@ -120,6 +128,7 @@ def _bind_exposure(frame: EffectFrame, exposure: Any, is_depth: bool) -> list[St
         expose = frame.per_pixel(kernels.expose_colors, [motion, exposure, *images])
         remember = kernels.remember_colors
     return [
+        *turns,
         bind_launch(kernels.find_tile_flow, worlds * tiles, [motion], frame.device),
         bind_launch(kernels.spread_tile_flow, worlds * tiles, [motion, exposure], frame.device),
         expose,

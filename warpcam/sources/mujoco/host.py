@@ -10,6 +10,7 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
 from warpcam.scene.source import LIVE_ARRAYS
@@ -76,14 +77,14 @@ class MujocoSource(ModelSource):
             self._host = wp.zeros(total, dtype=wp.uint8, device="cpu", pinned=device.is_cuda)
         self._block = wp.zeros(total, dtype=wp.uint8, device=device)
         layout = [(name, starts[name], shapes[name], dtypes[name]) for name in shapes]
-        self._staged = {name: self._view(self._host, *place).numpy() for name, *place in layout}
+        self._staged = {name: shared(self._host, shape, dtype, start).numpy() for name, start, shape, dtype in layout}
         self._staged_decor: list[tuple[np.ndarray, np.ndarray]] = []  # where it goes, what does
         for name, array in {**decor.shapes, **decor.lights}.items() if decor is not None else ():
             own = self._staged[name].shape[1] - len(array)
             self._staged[name], more = np.split(self._staged[name], (own,), axis=1)
             self._staged_decor.append((more, array))
         self._live = list(self._pairs())
-        self._arrays = {name: self._view(self._block, *place) for name, *place in layout}
+        self._arrays = {name: shared(self._block, shape, dtype, start) for name, start, shape, dtype in layout}
         self._clock = self._arrays.pop("time")
         self._copied = wp.Event(device) if device.is_cuda else None
 
@@ -156,14 +157,6 @@ class MujocoSource(ModelSource):
             return len(self._mjds), len(getattr(self._mjds[0], model.DATA_NAMES[name])) + more
         count, *rest = getattr(self._mjm, model.MODEL_NAMES[name]).shape[: 1 + len(LIVE_ARRAYS[name].more)]
         return (1, count + more, *rest)
-
-    @staticmethod
-    def _view(block: wp.array, start: int, shape: tuple[int, ...], dtype: Any) -> wp.array:
-        """An array inside ``block``, which lives as long as the array: its deleter holds it."""
-
-        def keep(_start: int, _size: int, _block: wp.array = block) -> None: ...
-
-        return wp.array(ptr=block.ptr + start, shape=shape, dtype=dtype, device=block.device, deleter=keep)
 
 
 def load(

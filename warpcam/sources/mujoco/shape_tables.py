@@ -9,6 +9,7 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import Meshes
 from warpcam.kernels.update.refit import DeformingTree, kernels_of
@@ -236,12 +237,9 @@ def _as(array: wp.array, dtype: Any) -> wp.array:
     """A contiguous array of rows that are several of ``dtype`` each, as (world, row) of that."""
     if array.dtype is dtype and array.ndim == 2:
         return array
-
-    def keep(_start: int, _size: int, _array: wp.array = array) -> None: ...
-
     rows, size = array.shape[0], wp.types.type_size_in_bytes(dtype)
     width = array.size * wp.types.type_size_in_bytes(array.dtype) // (rows * size)
-    return wp.array(ptr=array.ptr, shape=(rows, width), dtype=dtype, device=array.device, deleter=keep)
+    return shared(array, (rows, width), dtype)
 
 
 class ModelSource:

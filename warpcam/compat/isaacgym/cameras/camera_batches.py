@@ -18,6 +18,7 @@ from warpcam.compat.isaacgym.physics.environments import Env, Grounds
 from warpcam.compat.isaacgym.physics.physics import Physics
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 COLOR, DEPTH, SEGMENTATION, FLOW = ImageType
@@ -119,7 +120,7 @@ class ImageBuffers:
             flat = [first.reshape((worlds, pixels, 2)), sources[1].reshape((worlds, pixels))]
             inputs, kernel = [*flat, float(width), float(height)], kernels.write_flow
         elif kind == COLOR:
-            packed = wp.array(ptr=first.ptr, shape=(worlds, pixels), dtype=wp.uint32, device=device)
+            packed = shared(first, (worlds, pixels), wp.uint32)
             inputs, kernel = [packed], kernels.write_colors
         elif kind == DEPTH:
             inputs, kernel = [first.reshape((worlds, pixels))], kernels.write_depth
