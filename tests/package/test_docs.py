@@ -224,6 +224,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,
+    "docs/compat/genesis.md": simulated,
     "docs/compat/gymnasium-vector.md": vector_env,
     "docs/compat/gymnasium.md": gym_pictures,
     "docs/compat/isaacgym.md": isaac_gym,
