@@ -120,7 +120,7 @@ class CameraBinding:
         If the camera has a history, the views there were go there. Where its plan lists shapes the stage does so, and
         composes how they have moved. With a ``frame_start`` it is a frame's first.
         """
-        pose, lens, device = self._pose(), self._lens(), self._scene.device
+        pose, lens, device = self.pose(), self._lens(), self._scene.device
         history, views, key = passes.history, passes.views, passes.plan.lists
         if key is None:
             before = None if history is None else history.views
@@ -145,7 +145,8 @@ class CameraBinding:
     def _seen(self, tables: SceneTables) -> SceneTables:
         return tables if self._excluded is None else self._excluded.without(tables)
 
-    def _pose(self) -> CameraPose:
+    def pose(self) -> CameraPose:
+        """Arrays that the camera's pose in each world comes from."""
         pose, scene = CameraPose(), self._scene
         pose.own = int(self._camera.is_own)
         pose.parent = self._parent
