@@ -6,8 +6,16 @@ namespace warpcam {
 
 constexpr float NO_DISPARITY = -1.0f;
 
-// Writes the disparity of a pixel of the left image to `found`, with a parabola through three costs, or NO_DISPARITY
-// where another is nearly as good; and that of the same pixel of the right image to `found_right`, a whole number.
+// Place of the least of a curve through three costs, the middle one of which is the least: of a parabola, or of two lines
+// of opposite slopes.
+WARPCAM_DEVICE float least_between(int below, int least, int above, int is_equiangular)
+{
+    const int bend = is_equiangular ? max(below, above) - least : below + above - 2 * least;
+    return bend > 0 ? 0.5f * float(below - above) / float(bend) : 0.0f;
+}
+
+// Writes the disparity of a pixel of the left image to `found`, between whole numbers, or NO_DISPARITY where another is
+// nearly as good; and that of the same pixel of the right image to `found_right`, a whole number.
 template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(const Mask& mask, const Matcher& matcher, int index)
 {
     const int width = matcher.width, disparities = matcher.disparities, pixels = width * matcher.height;
@@ -26,11 +34,8 @@ template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(cons
         if (d < best - 1 || d > best + 1)
             second = min(second, int(totals[d]));
     float disparity = float(best);
-    if (best > 0 && best + 1 < count) {
-        const int below = totals[best - 1], above = totals[best + 1], bend = below + above - 2 * least;
-        if (bend > 0)
-            disparity += 0.5f * float(below - above) / float(bend);
-    }
+    if (best > 0 && best + 1 < count)
+        disparity += least_between(totals[best - 1], least, totals[best + 1], matcher.is_equiangular);
     const bool is_unique = matcher.uniqueness == 0 || 100 * least < second * (100 - matcher.uniqueness);
     matcher.found.data[index] = is_unique ? disparity : NO_DISPARITY;
 

@@ -32,6 +32,7 @@ class Matcher:
     p1: wp.int32  # for a whole block
     p2: wp.int32
     uniqueness: wp.int32  # [%]
+    is_equiangular: wp.int32  # two lines, and no parabola, run through three costs
     max_difference: wp.int32  # of the two images' disparities, -1: they are not compared
     median: wp.int32  # pixels of a side
     left: wp.array2d(dtype=wp.uint32)  # (world, pixel) census words

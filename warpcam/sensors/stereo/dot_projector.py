@@ -42,7 +42,7 @@ class DotProjector:
         WarpcamError: A value is not allowed.
     """
 
-    intensity: Any = parameter(1.0, low=0.0)
+    intensity: Any = parameter(3.0, low=0.0)
     dots: int | None = None
     size: float = 2.0
     fovx: float | None = None

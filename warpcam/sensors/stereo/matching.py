@@ -1,7 +1,7 @@
 """Settings of stereo matching."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,6 +13,8 @@ MAX_COST = 2**15  # of all paths together, as sums have 16 bits
 DISPARITY_STEP = 16
 MEDIANS = (1, 3, 5, 7)
 
+Subpixel = Literal["parabola", "equiangular"]
+
 
 @dataclass(frozen=True)
 class StereoMatching:
@@ -23,7 +25,7 @@ class StereoMatching:
     Center-Symmetric Census Transform for Robust Driver Assistance", 2013.) The cost of a disparity is the Hamming
     distance of two words, added up over a block of pixels. Costs are added up along straight paths, with a penalty for
     each change of disparity (Hirschmueller, "Stereo Processing by Semiglobal Matching and Mutual Information", 2008).
-    The disparity of least cost counts, between whole numbers that of a parabola through three costs, unless
+    The disparity of least cost counts, between whole numbers that of a curve through three costs, unless
 
     - another, not next to it, costs nearly as little (``uniqueness``),
     - the right image has a different one for the pixel that it leads to (``max_difference``).
@@ -40,6 +42,9 @@ class StereoMatching:
         paths: 4, along rows and columns, as SAPIEN has it; or 8, along diagonals, too.
         uniqueness: By how much the least cost must be below that of any other disparity that is not next to it, from 0
             to 99 [% of that cost]; 0 allows all.
+        subpixel: "parabola" through three costs, as SAPIEN has it; or "equiangular", two lines of opposite slopes, as
+            Hamming distances are more alike (Shimizu and Okutomi, "Sub-Pixel Estimation Error Cancellation on
+            Area-Based Matching", 2005): disparities are drawn less to whole numbers.
         max_difference: Greatest difference between the disparities of both images [pixels]; None: any.
         median: Side of the median filter, 1 (none), 3, 5 or 7 [pixels].
 
@@ -54,6 +59,7 @@ class StereoMatching:
     p2: int = 32
     paths: int = 4
     uniqueness: int = 15
+    subpixel: Subpixel = "parabola"
     max_difference: int | None = 1
     median: int = 3
 
@@ -71,6 +77,9 @@ class StereoMatching:
         if self.paths not in (4, 8) or isinstance(self.paths, bool):
             raise WarpcamError(f"StereoMatching: paths must be 4 or 8, got {self.paths!r}")
         self._whole("uniqueness", "a whole number from 0 to 99", 0, 99)
+        if self.subpixel not in get_args(Subpixel):
+            allowed = " or ".join(map(repr, get_args(Subpixel)))
+            raise WarpcamError(f"StereoMatching: subpixel must be {allowed}, got {self.subpixel!r}")
         if self.max_difference is not None:
             self._whole("max_difference", "a whole number of at least 0, or None", 0)
         if self.median not in MEDIANS or isinstance(self.median, bool):
@@ -100,6 +109,7 @@ class StereoMatching:
         matcher.block_radius_x, matcher.block_radius_y = (side // 2 for side in self.block)
         matcher.p1, matcher.p2 = int(self.p1) * area, int(self.p2) * area
         matcher.uniqueness, matcher.median = int(self.uniqueness), int(self.median)
+        matcher.is_equiangular = int(self.subpixel == "equiangular")
         matcher.max_difference = -1 if self.max_difference is None else int(self.max_difference)
         return matcher
 

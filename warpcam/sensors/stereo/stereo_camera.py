@@ -104,7 +104,9 @@ class StereoCamera:
     ):
         where = "StereoCamera"
         if not isinstance(scene, Scene):
-            raise WarpcamError(f"{where}: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+            raise WarpcamError(
+                f"{where}: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}"
+            )
         if not isinstance(camera, Camera) or not isinstance(camera.lens, Pinhole):
             lens = f" with the lens {camera.lens!r}" if isinstance(camera, Camera) else ""
             raise WarpcamError(
@@ -138,7 +140,7 @@ class StereoCamera:
                 "projector_": projector or NO_LIGHT,
                 "noise_": noise or NO_NOISE,
             },
-            [*([""]), *(["projector_"] if projector else []), *(["noise_"] if noise else [])],
+            ["", *(["projector_"] if projector else []), *(["noise_"] if noise else [])],
         )
         shape = (self._num_worlds, left.height, left.width, 1)
         measured = {name: wp.zeros(shape, dtype=dtype, device=self._device) for name, dtype in MEASURED.items()}
@@ -148,7 +150,7 @@ class StereoCamera:
             right=right,
             projector=light,
             projector_share=0.5 if given is None else 0.0,
-            projector_offset=(0.0, 0.0, 0.0) if given is None else tuple(map(float, given)),
+            projector_offset=(0.0, 0.0, 0.0) if given is None else given.tolist(),
             pattern=None if slide is None else wp.array(slide, dtype=wp.float32, device=self._device),
             arrays=arrays,
             matcher=self._make_matcher(matching, left, at_once),

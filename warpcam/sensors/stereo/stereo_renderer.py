@@ -1,6 +1,6 @@
 """A renderer of two imagers and a projector, whose frames end with infrared images and depth by matching."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,7 +43,7 @@ class StereoSetup:
     right: Camera
     projector: Camera | None
     projector_share: float
-    projector_offset: tuple[float, float, float]
+    projector_offset: Sequence[float]
     pattern: wp.array | None
     arrays: Mapping[str, wp.array]
     matcher: stereo_matching.Matcher
