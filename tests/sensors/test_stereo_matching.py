@@ -26,7 +26,7 @@ def images(shift: int = 5, seed: int = 0) -> list[np.ndarray]:
 
 
 def matched(matching: sensors.StereoMatching, pair: list[np.ndarray], device: wp.Device) -> dict[str, np.ndarray]:
-    """All arrays of a matcher, (world, row, column, ...), and the results with a focal length of 1 and baseline of 1."""
+    """All arrays of a matcher, (world, row, column, ...), and results with focal length and baseline of 1."""
     pixels = HEIGHT * WIDTH
     matcher = matching.matcher(WIDTH, HEIGHT)
     sizes = {"costs": pixels * matching.max_disparity, "totals": pixels * matching.max_disparity}
@@ -72,7 +72,9 @@ def block_costs(pair: list[np.ndarray], matching: sensors.StereoMatching) -> np.
         costs[:, d:, d] = (left[:, d:] != right[:, : WIDTH - d]).sum(axis=-1)
     across, down = matching.block[0] // 2, matching.block[1] // 2
     padded = np.pad(costs, ((down, down), (across, across), (0, 0)), mode="edge")
-    windows = [padded[i : i + HEIGHT, j : j + WIDTH] for i in range(matching.block[1]) for j in range(matching.block[0])]
+    windows = [
+        padded[i : i + HEIGHT, j : j + WIDTH] for i in range(matching.block[1]) for j in range(matching.block[0])
+    ]
     return np.sum(windows, axis=0)
 
 
@@ -146,7 +148,9 @@ def test_both_images_must_agree(device: wp.Device) -> None:
     # An object that the left image alone has.
     pair[0][:, 5:12, 18:26] = np.random.default_rng(1).integers(0, 256, (WORLDS, 7, 8))
     options = {"max_disparity": 16, "uniqueness": 0}
-    checked = {limit: matched(sensors.StereoMatching(**options, max_difference=limit), pair, device) for limit in (0, 2)}
+    checked = {
+        limit: matched(sensors.StereoMatching(**options, max_difference=limit), pair, device) for limit in (0, 2)
+    }
     without = matched(sensors.StereoMatching(**options, max_difference=None), pair, device)
     found, right = without["found"], without["found_right"].astype(int)
     assert (without["checked"] == found).all()

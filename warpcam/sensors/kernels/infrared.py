@@ -28,7 +28,7 @@ class Eye:
 
 @wp.struct
 class Projector:
-    """What a projector sees, and its pattern, a pixel of which it sends through each pixel of its view."""
+    """What a projector sees, and the pattern that it sends over all of its view."""
 
     views: wp.array(dtype=View)  # (world,), or empty: there is none
     depth: wp.array3d(dtype=wp.float32)  # (world, row, column) [m]
@@ -57,17 +57,17 @@ def luminance_of(
 
 
 @wp.func
-def pattern_at(pattern: wp.array2d(dtype=wp.float32), x: wp.float32, y: wp.float32) -> wp.float32:
-    """Value between the middles of pixels, which are at halves."""
-    inside_x = wp.clamp(x - 0.5, 0.0, wp.float32(pattern.shape[1] - 1))
-    inside_y = wp.clamp(y - 0.5, 0.0, wp.float32(pattern.shape[0] - 1))
+def pattern_at(pattern: wp.array2d(dtype=wp.float32), across: wp.float32, down: wp.float32) -> wp.float32:
+    """Value between the middles of pixels, at parts of the pattern's width and height."""
+    inside_x = wp.clamp(across * wp.float32(pattern.shape[1]) - 0.5, 0.0, wp.float32(pattern.shape[1] - 1))
+    inside_y = wp.clamp(down * wp.float32(pattern.shape[0]) - 0.5, 0.0, wp.float32(pattern.shape[0] - 1))
     column = wp.int32(inside_x)
     row = wp.int32(inside_y)
     right = wp.min(column + 1, pattern.shape[1] - 1)
     below = wp.min(row + 1, pattern.shape[0] - 1)
-    across = inside_x - wp.float32(column)
-    upper = wp.lerp(pattern[row, column], pattern[row, right], across)
-    lower = wp.lerp(pattern[below, column], pattern[below, right], across)
+    part = inside_x - wp.float32(column)
+    upper = wp.lerp(pattern[row, column], pattern[row, right], part)
+    lower = wp.lerp(pattern[below, column], pattern[below, right], part)
     return wp.lerp(upper, lower, inside_y - wp.float32(row))
 
 
@@ -96,7 +96,8 @@ def projected_light(projector: Projector, world: wp.int32, point: wp.vec3, norma
         return 0.0
     distance = wp.length(away)
     facing = wp.max(-wp.dot(normal, away) / distance, 0.0)
-    return pattern_at(projector.pattern, x, y) * facing / (distance * distance)
+    light = pattern_at(projector.pattern, x / wp.float32(width), y / wp.float32(height))
+    return light * facing / (distance * distance)
 
 
 @wp.func

@@ -52,7 +52,10 @@ class DotProjector:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name, allowed, least in (("dots", "a whole number of at least 1, or None", 1), ("seed", "0 or more", 0)):
+        for name, allowed, least in (
+            ("dots", "a whole number of at least 1, or None", 1),
+            ("seed", "a whole number of at least 0", 0),
+        ):
             value = getattr(self, name)
             none = value is None and name == "dots"
             if not none and (isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least):
@@ -67,8 +70,10 @@ class DotProjector:
                 raise WarpcamError(f"DotProjector: position must be three numbers, or None, got {self.position!r}")
         if self.pattern is not None:
             slide = as_numbers(self.pattern, "DotProjector: pattern", "numbers (rows, columns)")
-            if slide.ndim != 2 or 0 in slide.shape or not ((slide >= 0.0) & (slide <= 1.0)).all():
-                raise WarpcamError(f"DotProjector: pattern must be (rows, columns) from 0 to 1, got {slide.shape}")
+            outside = slide[~((slide >= 0.0) & (slide <= 1.0))]
+            if slide.ndim != 2 or slide.size == 0 or outside.size:
+                got = outside.flat[0] if outside.size else f"shape {slide.shape}"
+                raise WarpcamError(f"DotProjector: pattern must be (rows, columns) of numbers from 0 to 1, got {got}")
 
     def _number(self, name: str, allowed: str, low: float, high: float) -> None:
         value = getattr(self, name)
