@@ -6,6 +6,15 @@ namespace warpcam {
 
 constexpr float NO_DISPARITY = -1.0f;
 
+// The least of costs from a place to before another; more than any cost of an empty range.
+WARPCAM_DEVICE int least_cost(const unsigned short* costs, int begin, int end)
+{
+    unsigned short least = 0xffff;
+    for (int d = begin; d < end; ++d)
+        least = costs[d] < least ? costs[d] : least;
+    return least;
+}
+
 // Place of the least of a curve through three costs, the middle one of which is the least: of a parabola, or of two lines
 // of opposite slopes.
 WARPCAM_DEVICE float least_between(int below, int least, int above, int is_equiangular)
@@ -25,14 +34,11 @@ template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(cons
     const unsigned short* totals = matcher.totals.data + size_t(index) * disparities;
     // A pixel sees nothing of the right image beyond its edge.
     const int count = min(disparities, column + 1);
-    int best = 0, least = totals[0];
-    for (int d = 1; d < count; ++d)
-        if (totals[d] < least)
-            least = totals[d], best = d;
-    int second = 1 << 20;
-    for (int d = 0; d < count; ++d)
-        if (d < best - 1 || d > best + 1)
-            second = min(second, int(totals[d]));
+    const int least = least_cost(totals, 0, count);
+    int best = 0;
+    while (totals[best] != least)
+        ++best;
+    const int second = min(least_cost(totals, 0, best - 1), least_cost(totals, best + 2, count));
     float disparity = float(best);
     if (best > 0 && best + 1 < count)
         disparity += least_between(totals[best - 1], least, totals[best + 1], matcher.is_equiangular);

@@ -56,6 +56,17 @@ class MeasuredDepth:
     disparity: wp.array2d(dtype=wp.float32)  # (world, pixel) [pixels], 0 for none
 
 
+take_census = make_kernel(
+    "take_census",
+    "warpcam::take_census(mask, matcher, images, words, index);",
+    {
+        "mask": wp.array(dtype=wp.uint8),
+        "matcher": Matcher,
+        "images": wp.array2d(dtype=wp.uint8),
+        "words": wp.array2d(dtype=wp.uint32),
+    },
+    native_module("sensors/census.h"),
+)
 sum_rows = make_kernel(
     "sum_rows",
     "warpcam::sum_matching_rows(mask, matcher, index);",
@@ -86,37 +97,6 @@ finish = make_kernel(
     {"mask": wp.array(dtype=wp.uint8), "matcher": Matcher, "out": MeasuredDepth},
     native_module("sensors/disparities.h"),
 )
-
-
-@wp.kernel(enable_backward=False)
-def take_census(
-    mask: wp.array(dtype=wp.uint8),
-    matcher: Matcher,
-    images: wp.array2d(dtype=wp.uint8),
-    words: wp.array2d(dtype=wp.uint32),
-    first: wp.int32,
-):
-    """Write a bit for each pair of pixels that face each other across the middle of a window: is the first as bright?
-
-    The image goes on as its border.
-    """
-    world, pixel = row_and_column(first + wp.tid(), images.shape[1])
-    if mask[world] == wp.uint8(0):
-        return
-    row, column = row_and_column(pixel, matcher.width)
-    word = wp.uint32(0)
-    radius_x = matcher.census_radius_x
-    for i in range(matcher.bits):
-        down, across = row_and_column(i, 2 * radius_x + 1)
-        down = down - matcher.census_radius_y
-        across = across - radius_x
-        above = wp.clamp(row + down, 0, matcher.height - 1) * matcher.width
-        below = wp.clamp(row - down, 0, matcher.height - 1) * matcher.width
-        one = images[world, above + wp.clamp(column + across, 0, matcher.width - 1)]
-        other = images[world, below + wp.clamp(column - across, 0, matcher.width - 1)]
-        if one >= other:
-            word = word | (wp.uint32(1) << wp.uint32(i))
-    words[world, pixel] = word
 
 
 @wp.kernel(enable_backward=False)
@@ -154,15 +134,15 @@ def bind_matching(
     """
     worlds, pixels = images[0].shape
     width, height = matcher.width, matcher.height
-    team = TEAM if device.is_cuda else 1
+    team, places = (TEAM, pixels) if device.is_cuda else (1, height)
     lines = (height, width, width + height - 1, width + height - 1)
 
     def bind(kernel: wp.Kernel, threads: int, *inputs: object) -> Stage:
         return bind_launch(kernel, worlds * threads, [mask, matcher, *inputs], device)
 
     return [
-        bind(take_census, pixels, images[0], matcher.left),
-        bind(take_census, pixels, images[1], matcher.right),
+        bind(take_census, places, images[0], matcher.left),
+        bind(take_census, places, images[1], matcher.right),
         bind(sum_rows, team * height),
         bind(sum_columns, team * width),
         *(bind(add_paths, team * lines[axis], axis) for axis in range(axes)),
