@@ -194,4 +194,5 @@ PICTURES: dict[str, Picture] = {
     "flow": flow,
     **_of(physical, ("rough", "metal", "opacity", "splats")),
     **_of(sensor_pictures.measured, sensor_pictures.DEPTH_CAMERAS),
+    **_of(sensor_pictures.matched, ("stereo_camera",)),
 }

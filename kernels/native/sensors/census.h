@@ -1,8 +1,11 @@
-// Center-symmetric census transform: a bit for each pair of pixels that face each other across the middle of a window.
+// Center-symmetric census transform: a bit for each pair of pixels that face each other across the middle of a window,
+// and one that is set if any pair differs by a contrast.
 #pragma once
 #include "core/platform.h"
 
 namespace warpcam {
+
+constexpr unsigned HAS_CONTRAST = 0x80000000u;  // no bit of a pair
 
 // A row of a pair's pixels above the middle of the window, and the row that faces it.
 struct CensusRows {
@@ -16,19 +19,26 @@ WARPCAM_DEVICE CensusRows census_rows(const Matcher& matcher, const unsigned cha
     return { image + max(row + down, 0) * matcher.width, image + min(row - down, last) * matcher.width };
 }
 
-WARPCAM_DEVICE unsigned census_bit(CensusRows rows, int column, int across, int last)
+// Is the first of a pair as bright as the second, and do they differ by the contrast?
+WARPCAM_DEVICE unsigned census_bits(int first, int second, int bit, int contrast)
 {
-    const int first = max(min(column + across, last), 0), second = max(min(column - across, last), 0);
-    return rows.above[first] >= rows.below[second] ? 1u : 0u;
+    const int difference = first - second;
+    const unsigned differs = (difference < 0 ? -difference : difference) >= contrast ? HAS_CONTRAST : 0u;
+    return differs | unsigned(difference >= 0) << bit;
 }
 
-// Writes the words of a pixel (CUDA) or of a row of pixels (CPU): is the first of a pair as bright as the second? The
-// image goes on as its border.
+WARPCAM_DEVICE unsigned census_bits_at(CensusRows rows, int column, int across, int last, int bit, int contrast)
+{
+    const int first = max(min(column + across, last), 0), second = max(min(column - across, last), 0);
+    return census_bits(rows.above[first], rows.below[second], bit, contrast);
+}
+
+// Writes the word of a pixel (CUDA) or those of a row of pixels (CPU). The image goes on as its border.
 template <class Mask, class Matcher, class Images, class Words>
 WARPCAM_DEVICE void take_census(const Mask& mask, const Matcher& matcher, const Images& images, const Words& words, int index)
 {
     const int width = matcher.width, height = matcher.height, last = width - 1;
-    const int radius_x = matcher.census_radius_x, radius_y = matcher.census_radius_y;
+    const int radius_x = matcher.census_radius_x, radius_y = matcher.census_radius_y, contrast = matcher.contrast;
 #if defined(__CUDA_ARCH__)
     const int line = index / width, column = index - line * width;
 #else
@@ -50,16 +60,16 @@ WARPCAM_DEVICE void take_census(const Mask& mask, const Matcher& matcher, const 
         const CensusRows rows = census_rows(matcher, image, row, down);
         for (int across = -radius_x; across <= (down < 0 ? radius_x : -1); ++across, ++bit) {
 #if defined(__CUDA_ARCH__)
-            word |= census_bit(rows, column, across, last) << bit;
+            word |= census_bits_at(rows, column, across, last, bit, contrast);
 #else
             const int begin = min(across < 0 ? -across : across, width), end = max(width - begin, begin);
             for (int column = 0; column < begin; ++column)
-                out[column] |= census_bit(rows, column, across, last) << bit;
+                out[column] |= census_bits_at(rows, column, across, last, bit, contrast);
             const unsigned char *first = rows.above + across, *second = rows.below - across;
             for (int column = begin; column < end; ++column)
-                out[column] |= unsigned(first[column] >= second[column]) << bit;
+                out[column] |= census_bits(first[column], second[column], bit, contrast);
             for (int column = end; column < width; ++column)
-                out[column] |= census_bit(rows, column, across, last) << bit;
+                out[column] |= census_bits_at(rows, column, across, last, bit, contrast);
 #endif
         }
     }

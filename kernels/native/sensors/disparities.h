@@ -1,6 +1,7 @@
 // Disparities of least cost, and their median.
 #pragma once
 #include "core/platform.h"
+#include "sensors/census.h"
 
 namespace warpcam {
 
@@ -24,7 +25,7 @@ WARPCAM_DEVICE float least_between(int below, int least, int above, int is_equia
 }
 
 // Writes the disparity of a pixel of the left image to `found`, between whole numbers, or NO_DISPARITY where another is
-// nearly as good; and that of the same pixel of the right image to `found_right`, a whole number.
+// nearly as good or the window has no contrast; and that of the same pixel of the right image to `found_right`, a whole number.
 template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(const Mask& mask, const Matcher& matcher, int index)
 {
     const int width = matcher.width, disparities = matcher.disparities, pixels = width * matcher.height;
@@ -43,7 +44,8 @@ template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(cons
     if (best > 0 && best + 1 < count)
         disparity += least_between(totals[best - 1], least, totals[best + 1], matcher.is_equiangular);
     const bool is_unique = matcher.uniqueness == 0 || 100 * least < second * (100 - matcher.uniqueness);
-    matcher.found.data[index] = is_unique ? disparity : NO_DISPARITY;
+    const bool has_contrast = matcher.left.data[index] & HAS_CONTRAST;
+    matcher.found.data[index] = is_unique && has_contrast ? disparity : NO_DISPARITY;
 
     const int count_right = min(disparities, width - column);
     int best_right = 0, least_right = totals[0];

@@ -2,6 +2,7 @@
 // an image: a warp, or a thread of a CPU.
 #pragma once
 #include "core/warp.h"
+#include "sensors/census.h"
 
 namespace warpcam {
 
@@ -61,7 +62,7 @@ template <class Mask, class Matcher> WARPCAM_DEVICE void sum_matching_rows(const
     unsigned short* out = matcher.totals.data + begin * disparities;
     const auto distance = [&](int column, int disparity) {
         const int from = column - disparity;
-        return from < 0 ? matcher.bits : count_bits(left[column] ^ right[from]);
+        return from < 0 ? matcher.bits : count_bits((left[column] ^ right[from]) & ~HAS_CONTRAST);
     };
     int sums[TEAM_SLOTS];
     for_disparities(member, disparities, [&](int slot, int disparity) {

@@ -24,7 +24,8 @@ class Matcher:
     width: wp.int32  # of an image [pixels]
     height: wp.int32
     disparities: wp.int32  # a multiple of 16, at most MAX_DISPARITIES
-    bits: wp.int32  # of a census word, at most 32
+    bits: wp.int32  # of a census word, at most 31
+    contrast: wp.int32  # of a census window, without which a pixel has no disparity [levels]
     census_radius_x: wp.int32
     census_radius_y: wp.int32
     block_radius_x: wp.int32

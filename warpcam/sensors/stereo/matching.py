@@ -8,7 +8,7 @@ import numpy as np
 from warpcam.core.errors import WarpcamError
 from warpcam.sensors.kernels.stereo_matching import MAX_DISPARITIES, Matcher
 
-MAX_CENSUS_BITS = 32
+MAX_CENSUS_BITS = 31
 MAX_COST = 2**15  # of all paths together, as sums have 16 bits
 DISPARITY_STEP = 16
 MEDIANS = (1, 3, 5, 7)
@@ -18,7 +18,7 @@ Subpixel = Literal["parabola", "equiangular"]
 
 @dataclass(frozen=True)
 class StereoMatching:
-    """Semi-global matching of census words, with the values of SAPIEN's ``StereoDepthSensorConfig``.
+    """Semi-global matching of census words, with the values of SAPIEN's ``StereoDepthSensorConfig`` but for ``contrast``.
 
     A pixel's word has a bit for each pair of pixels that face each other across the middle of a window around it: is
     the first as bright as the second? (Center-symmetric census: Spangenberg et al., "Weighted Semi-Global Matching and
@@ -27,6 +27,7 @@ class StereoMatching:
     each change of disparity (Hirschmueller, "Stereo Processing by Semiglobal Matching and Mutual Information", 2008).
     The disparity of least cost counts, between whole numbers that of a curve through three costs, unless
 
+    - no pair of the pixel's window differs by ``contrast``: it would take over what is around it,
     - another, not next to it, costs nearly as little (``uniqueness``),
     - the right image has a different one for the pixel that it leads to (``max_difference``).
 
@@ -35,11 +36,13 @@ class StereoMatching:
     Attributes:
         max_disparity: Number of disparities, from 0 on: a multiple of 16, from 16 to 256 [pixels]. Nothing nearer than
             focal length times baseline over this is measured.
-        census: Width and height of the census window, odd; at most 65 pixels together.
+        census: Width and height of the census window, odd; at most 63 pixels together.
         block: Width and height of blocks, odd.
         p1: Penalty for a change of disparity by 1, for each pixel of a block [bits].
         p2: Penalty for a larger change, more than ``p1`` [bits].
         paths: 4, along rows and columns, as SAPIEN has it; or 8, along diagonals, too.
+        contrast: Least difference of a pair of pixels of the census window that makes a pixel count, from 0, which
+            all have and SAPIEN asks for, to 255 [levels].
         uniqueness: By how much the least cost must be below that of any other disparity that is not next to it, from 0
             to 99 [% of that cost]; 0 allows all.
         subpixel: "parabola" through three costs, as SAPIEN has it; or "equiangular", two lines of opposite slopes, as
@@ -58,6 +61,7 @@ class StereoMatching:
     p1: int = 8
     p2: int = 32
     paths: int = 4
+    contrast: int = 2
     uniqueness: int = 15
     subpixel: Subpixel = "parabola"
     max_difference: int | None = 1
@@ -71,11 +75,12 @@ class StereoMatching:
         self._window("census")
         self._window("block")
         if not 1 <= self.bits <= MAX_CENSUS_BITS:
-            raise WarpcamError(f"StereoMatching: census must have from 3 to 65 pixels, got {self.census!r}")
+            raise WarpcamError(f"StereoMatching: census must have from 3 to 63 pixels, got {self.census!r}")
         self._whole("p1", "a whole number of at least 1", 1)
         self._whole("p2", f"a whole number above p1, which is {self.p1}", self.p1 + 1)
         if self.paths not in (4, 8) or isinstance(self.paths, bool):
             raise WarpcamError(f"StereoMatching: paths must be 4 or 8, got {self.paths!r}")
+        self._whole("contrast", "a whole number from 0 to 255", 0, 255)
         self._whole("uniqueness", "a whole number from 0 to 99", 0, 99)
         if self.subpixel not in get_args(Subpixel):
             allowed = " or ".join(map(repr, get_args(Subpixel)))
@@ -104,7 +109,7 @@ class StereoMatching:
         """The struct for kernels, without its arrays."""
         matcher, area = Matcher(), self.block[0] * self.block[1]
         matcher.width, matcher.height, matcher.disparities = width, height, int(self.max_disparity)
-        matcher.bits = self.bits
+        matcher.bits, matcher.contrast = self.bits, int(self.contrast)
         matcher.census_radius_x, matcher.census_radius_y = (side // 2 for side in self.census)
         matcher.block_radius_x, matcher.block_radius_y = (side // 2 for side in self.block)
         matcher.p1, matcher.p2 = int(self.p1) * area, int(self.p2) * area
