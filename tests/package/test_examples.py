@@ -78,6 +78,13 @@ def test_depth_cameras_measure_one_table(tmp_path: Path) -> None:
     assert len(re.findall(r"[\d.]+ % of the pixels are measured", printed)) == 7
 
 
+def test_stereo_camera_with_and_without_a_projector(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "stereo_camera.py"), folder=tmp_path)
+    assert np.asarray(Image.open(tmp_path / "stereo_camera.png")).shape == (720, 848, 3)
+    active, passive = map(float, re.findall(r"([\d.]+) % of the pixels are measured", printed))
+    assert active > 90.0 > 70.0 > passive
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")

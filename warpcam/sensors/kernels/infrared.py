@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.types import View
+from warpcam.sensors.kernels.electrons import two_normals
 from warpcam.sensors.kernels.random import Randomness, element_state
 
 wp.set_module_options(compiler_flags())
@@ -132,25 +133,26 @@ def with_noise(
 
     Gamma by Marsaglia and Tsang, "A Simple Method for Generating Gamma Variables", 2000.
     """
-    state = element_state(randomness, world, pixel)
-    value = level
+    z, thermal, state = two_normals(element_state(randomness, world, pixel))
+    factor = wp.float32(1.0)
     if params.speckle[world] > 0.0:
         shape = wp.max(1.0 / params.speckle[world], 1.0)
         d = shape - 1.0 / 3.0
         c = 1.0 / wp.sqrt(9.0 * d)
-        factor = wp.float32(0.0)
         tries = wp.int32(0)
-        while factor == 0.0:
-            z = wp.randn(state)
+        while tries < wp.static(TRIES):
             u = 1.0 - wp.randf(state)
             v = (1.0 + c * z) * (1.0 + c * z) * (1.0 + c * z)
-            tries += 1
-            if v > 0.0 and wp.log(u) < 0.5 * z * z + d - d * v + d * wp.log(v):
+            taken = v > 0.0 and u < 1.0 - 0.0331 * z * z * z * z  # as most are, without a logarithm
+            if v > 0.0 and not taken:
+                taken = wp.log(u) < 0.5 * z * z + d - d * v + d * wp.log(v)
+            if taken:
                 factor = d * v / shape
-            elif tries == wp.static(TRIES):
-                factor = wp.float32(1.0)
-        value = level * factor
-    return value + params.offset[world] + params.sigma[world] * wp.randn(state)
+                tries = wp.static(TRIES)
+            else:
+                tries += 1
+                z = wp.randn(state)
+    return level * factor + params.offset[world] + params.sigma[world] * thermal
 
 
 @wp.kernel(enable_backward=False)
@@ -163,15 +165,20 @@ def see_infrared(
     width: wp.int32,
     has_noise: wp.int32,
     image: wp.array2d(dtype=wp.uint8),
+    run: wp.int32,
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), image.shape[1])
+    """Write pixels, as many one after another as ``run`` says."""
+    pixels = image.shape[1]
+    world, part = row_and_column(first + wp.tid(), (pixels + run - 1) // run)
     if mask[world] == wp.uint8(0):
         return
-    light = params.ambient[world] * luminance_of(eye.luminance, eye.colors, world, pixel)
-    if projector.views.shape[0] > 0:
-        light += params.intensity[world] * light_of(eye, projector, width, world, pixel)
-    level = wp.clamp(255.0 * light, 0.0, 255.0)
-    if has_noise != 0:
-        level = with_noise(level, params, randomness, world, pixel)
-    image[world, pixel] = wp.uint8(wp.clamp(level + 0.5, 0.0, 255.0))
+    begin = part * run
+    for pixel in range(begin, wp.min(begin + run, pixels)):
+        light = params.ambient[world] * luminance_of(eye.luminance, eye.colors, world, pixel)
+        if projector.views.shape[0] > 0:
+            light += params.intensity[world] * light_of(eye, projector, width, world, pixel)
+        level = wp.clamp(255.0 * light, 0.0, 255.0)
+        if has_noise != 0:
+            level = with_noise(level, params, randomness, world, pixel)
+        image[world, pixel] = wp.uint8(wp.clamp(level + 0.5, 0.0, 255.0))

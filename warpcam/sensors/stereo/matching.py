@@ -18,7 +18,7 @@ Subpixel = Literal["parabola", "equiangular"]
 
 @dataclass(frozen=True)
 class StereoMatching:
-    """Semi-global matching of census words, with the values of SAPIEN's ``StereoDepthSensorConfig`` but for ``contrast``.
+    """Semi-global matching of census words. Values are SAPIEN's, of ``StereoDepthSensorConfig``, but for ``contrast``.
 
     A pixel's word has a bit for each pair of pixels that face each other across the middle of a window around it: is
     the first as bright as the second? (Center-symmetric census: Spangenberg et al., "Weighted Semi-Global Matching and

@@ -18,6 +18,7 @@ from warpcam.sensors.scan_renderer import LUMINANCE
 BLOCK_DIM = 32  # of stages with a thread for each world
 STREAM = (1 << 30) + 1  # of random numbers of the left imager, the right one has the next: rigs and lidars have others
 POSES = ("position", "rotation")
+CPU_RUN = 64  # pixels that a thread of a CPU writes: arguments are copied for each thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +105,15 @@ class StereoRenderer(Renderer):
         for name in ("ambient", "intensity", "speckle", "sigma", "offset"):
             setattr(params, name, setup.arrays[name][within])
         projector, stages = self._projector(within), []
+        run = 1 if self._device.is_cuda else CPU_RUN
         for number, (camera, image) in enumerate(zip((setup.left, setup.right), seen, strict=True)):
             randomness = Randomness()
             randomness.seeds, randomness.frames = setup.seeds[within], self._counters.frames[within]
             randomness.first_world, randomness.stream = within.start, STREAM + number
             eye = self._eye(camera, within)
-            inputs = [mask, eye, projector, params, randomness, camera.width, int(setup.has_noise), image]
-            stages.append(bind_launch(infrared.see_infrared, image.size, inputs, self._device))
+            inputs = [mask, eye, projector, params, randomness, camera.width, int(setup.has_noise), image, run]
+            threads = mask.size * -(-image.shape[1] // run)
+            stages.append(bind_launch(infrared.see_infrared, threads, inputs, self._device))
         out = stereo_matching.MeasuredDepth()
         out.views = self._passes[setup.left.name].views[within]
         for name in ("baseline", "min_depth", "max_depth"):
