@@ -237,6 +237,7 @@ def test_other_outputs_of_the_camera_are_there(device: wp.Device) -> None:
         ({"baseline": [0.1, 0.1]}, r"baseline must have shape a number or \(1,\), got \(2,\)"),
         ({"ambient": -1.0}, "ambient must be from 0 to inf, got -1"),
         ({"min_depth": float("nan")}, "min_depth must be finite, got nan"),
+        ({"min_depth": 2.0, "max_depth": 2.0}, "min_depth must be below max_depth, got 2 and 2"),
         ({"projector": 3.0}, "projector must be sensors.DotProjector or None, got 3.0"),
         ({"matching": None}, "matching must be sensors.StereoMatching, got None"),
         ({"noise": 0.1}, "noise must be sensors.InfraredNoise or None, got 0.1"),

@@ -16,7 +16,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
-from warpcam.sensors.effect import parameter, parameter_array, parameters_of
+from warpcam.sensors.effect import parameter_array, parameters_of, world_numbers
 from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.stereo.dot_projector import DotProjector
 from warpcam.sensors.stereo.infrared_noise import InfraredNoise
@@ -26,20 +26,12 @@ from warpcam.sensors.stereo.stereo_renderer import StereoRenderer, StereoSetup
 MAX_THREADS = 2**31 - 1  # of a launch
 MAX_CELLS = 2**31 - 1  # disparities of all pixels of one world
 MEASURED = {"depth": wp.float32, "disparity": wp.float32, "infrared_left": wp.uint8, "infrared_right": wp.uint8}
+# Least values of the camera's own numbers of each world.
+LEAST = {"baseline": 1e-6, "min_depth": 0.0, "max_depth": 0.0, "ambient": 0.0}
 LIT_BY_PROJECTOR = ("depth", "normals", "albedo")  # outputs that say how a surface sends dots back
 # What is there unless another is given.
 DOTS, SAPIENS_MATCHING, SAPIENS_NOISE = DotProjector(), StereoMatching(), InfraredNoise()
 NO_LIGHT, NO_NOISE = DotProjector(intensity=0.0), InfraredNoise(speckle=0.0, sigma=0.0)
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Numbers:
-    """Numbers of each world that belong to the camera itself."""
-
-    baseline: Any = parameter(low=1e-6)
-    min_depth: Any = parameter(low=0.0)
-    max_depth: Any = parameter(low=0.0)
-    ambient: Any = parameter(low=0.0)
 
 
 class StereoCamera:
@@ -103,25 +95,7 @@ class StereoCamera:
         graph: bool = True,
     ):
         where = "StereoCamera"
-        if not isinstance(scene, Scene):
-            raise WarpcamError(
-                f"{where}: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}"
-            )
-        if not isinstance(camera, Camera) or not isinstance(camera.lens, Pinhole):
-            lens = f" with the lens {camera.lens!r}" if isinstance(camera, Camera) else ""
-            raise WarpcamError(
-                f"{where}: camera must be a Camera with a Pinhole lens of its own, got {type(camera).__name__}{lens}"
-            )
-        for name, value, kind in (
-            ("projector", projector, DotProjector),
-            ("matching", matching, StereoMatching),
-            ("noise", noise, InfraredNoise),
-        ):
-            if not isinstance(value, kind) and (value is not None or name == "matching"):
-                none = "" if name == "matching" else " or None"
-                raise WarpcamError(f"{where}: {name} must be sensors.{kind.__name__}{none}, got {value!r}")
-        if isinstance(work_memory, bool) or not isinstance(work_memory, int | np.integer) or work_memory < 1:
-            raise WarpcamError(f"{where}: work_memory must be a whole number of bytes, at least 1, got {work_memory!r}")
+        _check(scene, camera, projector, matching, noise, work_memory)
         torch_interop.require_no_capture(scene.device, where)
         self._device, self._num_worlds = scene.device, scene.num_worlds
         left, right, light = _cameras(camera, projector, scene)
@@ -134,14 +108,8 @@ class StereoCamera:
         slide = None if light is None or projector is None else projector.slide(light.width, light.height)
         self.memory = self._memory(estimate_memory(scene, cameras), left, work, slide)
         require_free(self.memory, scene.device)
-        arrays = self._make_parameters(
-            {
-                "": _Numbers(baseline, min_depth, max_depth, ambient),
-                "projector_": projector or NO_LIGHT,
-                "noise_": noise or NO_NOISE,
-            },
-            ["", *(["projector_"] if projector else []), *(["noise_"] if noise else [])],
-        )
+        own = {"baseline": baseline, "min_depth": min_depth, "max_depth": max_depth, "ambient": ambient}
+        arrays = self._make_parameters(own, projector, noise)
         shape = (self._num_worlds, left.height, left.width, 1)
         measured = {name: wp.zeros(shape, dtype=dtype, device=self._device) for name, dtype in MEASURED.items()}
         given = None if projector is None or projector.position is None else as_numbers(projector.position, where)
@@ -215,17 +183,32 @@ class StereoCamera:
         scratch = images.scratch + work + (0 if slide is None else slide.nbytes)
         return dataclasses.replace(images, images={**images.images, "measured": measured}, scratch=scratch)
 
-    def _make_parameters(self, models: Mapping[str, Any], shown: list[str]) -> dict[str, wp.array]:
-        """Arrays of all numbers of a world, by their own names; ``parameters`` has those of models that are shown."""
-        arrays, named, limits = {}, {}, {}
-        for prefix, model in models.items():
+    def _make_parameters(
+        self, own: Mapping[str, Any], projector: DotProjector | None, noise: InfraredNoise | None
+    ) -> dict[str, wp.array]:
+        """Arrays of all numbers of a world by name; ``parameters`` has those that count."""
+        where, worlds, device = "StereoCamera", self._num_worlds, self._device
+        arrays, named, ranges = {}, {}, {}
+        for name, value in own.items():
+            limits = {"low": LEAST[name], "high": math.inf, "width": ()}
+            named[name] = arrays[name] = world_numbers(value, f"{where}: {name}", limits, worlds, device)
+            ranges[name] = (LEAST[name], math.inf)
+        nearest, farthest = (arrays[name].numpy() for name in ("min_depth", "max_depth"))
+        if not (nearest < farthest).all():
+            world = int(np.argmin(nearest < farthest))
+            raise WarpcamError(
+                f"{where}: min_depth must be below max_depth, got {nearest[world]:g} and {farthest[world]:g}"
+            )
+        for prefix, given, model in (
+            ("projector", projector, projector or NO_LIGHT),
+            ("noise", noise, noise or NO_NOISE),
+        ):
             for entry in parameters_of(model):
-                array = parameter_array(model, entry, "StereoCamera", self._num_worlds, self._device)
-                arrays[entry.name] = array
-                if prefix in shown:
-                    named[f"{prefix}{entry.name}"] = array
-                    limits[f"{prefix}{entry.name}"] = (entry.metadata["low"], entry.metadata["high"])
-        self.parameters = WorldArrays("StereoCamera", named, self._num_worlds, self._device, limits)
+                arrays[entry.name] = parameter_array(model, entry, where, worlds, device)
+                if given is not None:
+                    named[f"{prefix}_{entry.name}"] = arrays[entry.name]
+                    ranges[f"{prefix}_{entry.name}"] = (entry.metadata["low"], entry.metadata["high"])
+        self.parameters = WorldArrays(where, named, worlds, device, ranges)
         return arrays
 
     def _make_matcher(self, matching: StereoMatching, camera: Camera, worlds: int) -> Any:
@@ -241,6 +224,28 @@ class StereoCamera:
         ):
             setattr(matcher, name, wp.empty((worlds, count), dtype=dtype, device=self._device))
         return matcher
+
+
+def _check(scene: Any, camera: Any, projector: Any, matching: Any, noise: Any, work_memory: Any) -> None:
+    """Raise for arguments that are not of their kind."""
+    where = "StereoCamera"
+    if not isinstance(scene, Scene):
+        raise WarpcamError(f"{where}: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+    if not isinstance(camera, Camera) or not isinstance(camera.lens, Pinhole):
+        lens = f" with the lens {camera.lens!r}" if isinstance(camera, Camera) else ""
+        raise WarpcamError(
+            f"{where}: camera must be a Camera with a Pinhole lens of its own, got {type(camera).__name__}{lens}"
+        )
+    for name, value, kind in (
+        ("projector", projector, DotProjector),
+        ("matching", matching, StereoMatching),
+        ("noise", noise, InfraredNoise),
+    ):
+        if not isinstance(value, kind) and (value is not None or name == "matching"):
+            none = "" if name == "matching" else " or None"
+            raise WarpcamError(f"{where}: {name} must be sensors.{kind.__name__}{none}, got {value!r}")
+    if isinstance(work_memory, bool) or not isinstance(work_memory, int | np.integer) or work_memory < 1:
+        raise WarpcamError(f"{where}: work_memory must be a whole number of bytes, at least 1, got {work_memory!r}")
 
 
 def _cameras(camera: Camera, projector: DotProjector | None, scene: Scene) -> tuple[Camera, Camera, Camera | None]:
