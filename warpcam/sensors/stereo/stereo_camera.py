@@ -43,7 +43,7 @@ class StereoCamera:
     repeated patterns, reflections and overexposure have the effects on depth that they have on such cameras.
 
     Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing. Matching
-    takes width * height * (4 * max_disparity + 20) bytes for each world that is matched at the same time: 4.6 MB at
+    takes width * height * (4 * max_disparity + 20) bytes for each world that is matched at the same time: 4.5 MB at
     128x128 with 64 disparities, 217 MB at 848x480 with 128. Worlds are matched in groups, one after another, that
     ``work_memory`` has room for.
 
