@@ -32,6 +32,7 @@ from warpcam.core.errors import WarpcamError
 
 SIZE = 256
 SAMPLES = 4  # of a pixel, in the judge's pictures
+MOST_SAMPLES = 16  # of a pixel, of warpcam
 FINER = 4  # pixels of the judge's finer pictures along the side of a pixel
 # What is held up to the whole: median and least PSNR [dB], mean FLIP.
 WANTED = {"median_psnr": 38.0, "least_psnr": 32.0, "mean_flip": 0.03}
@@ -64,9 +65,7 @@ def draw_finer(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: in
 
 def draw_ours(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
     scene = wc.from_mujoco(mjm, mjd, device="cpu")
-    view = wc.Camera(
-        camera, width=SIZE, height=SIZE, outputs=("rgb",), shadows=True, antialiasing=4 if samples > 1 else 1
-    )
+    view = wc.Camera(camera, width=SIZE, height=SIZE, outputs=("rgb",), shadows=True, antialiasing=samples)
     return wc.Renderer(scene, [view]).render()[camera]["rgb"][0].numpy().copy()
 
 
@@ -95,14 +94,25 @@ def draw_mujoco_warp(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, sampl
         return np.rint(255.0 * np.clip(rgb.numpy()[0], 0.0, 1.0)).astype(np.uint8)
 
 
+def draw_ours_like(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
+    """As many samples as the judge has, of those that there are."""
+    return draw_ours(mjm, mjd, camera, SAMPLES if samples > 1 else 1)
+
+
+def draw_ours_finer(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
+    return draw_ours(mjm, mjd, camera, MOST_SAMPLES)
+
+
 def draw_ours_plain(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int, samples: int) -> np.ndarray:
     return draw_ours(mjm, mjd, camera, 1)
 
 
 OURS, PLAIN, PEER = "warpcam", "warpcam, one sample", "mujoco_warp"
+OURS_FINER = f"warpcam, {MOST_SAMPLES} samples"
 JUDGE_FINER = f"mujoco.Renderer, {FINER**2} times the samples"
 DRAWN: dict[str, Draw] = {
-    OURS: draw_ours,
+    OURS: draw_ours_like,
+    OURS_FINER: draw_ours_finer,
     PLAIN: draw_ours_plain,
     JUDGE_FINER: draw_finer,
     PEER: draw_mujoco_warp,
@@ -130,6 +140,10 @@ def compare(shot: Shot, renderers: Sequence[str], samples: int, folder: Path | N
             "flip": round(mean, 4),
             "seconds": round(time.perf_counter() - began, 2),
         }
+    if JUDGE_FINER in images:
+        for name in (OURS, OURS_FINER, PLAIN):
+            if name in images:
+                row[name]["finer_psnr"] = round(image_metrics.psnr(images[JUDGE_FINER], images[name]), 2)
     if folder is not None:
         gallery.save(folder / f"{shot.name}.png", judge, images[OURS])
     return row
@@ -139,13 +153,17 @@ def summary(rows: Sequence[dict[str, Any]], name: str) -> dict[str, float]:
     """Summarise the scenes that the renderer has drawn."""
     drawn = [row[name] for row in rows if "psnr" in row.get(name, {})]
     ratios = [one["psnr"] for one in drawn]
-    return {
+    finer = [one["finer_psnr"] for one in drawn if "finer_psnr" in one]
+    figures = {
         "shots": len(drawn),
         "median_psnr": round(float(np.median(ratios)), 2),
         "least_psnr": round(min(ratios), 2),
         "mean_flip": round(float(np.mean([one["flip"] for one in drawn])), 4),
         "largest_flip": round(max(one["flip"] for one in drawn), 4),
     }
+    if finer:
+        figures |= {"median_finer_psnr": round(float(np.median(finer)), 2), "least_finer_psnr": round(min(finer), 2)}
+    return figures
 
 
 def summaries(rows: Sequence[dict[str, Any]], renderers: Sequence[str]) -> dict[str, dict[str, float]]:
@@ -187,7 +205,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write JSON here")
     parser.add_argument("--gallery", type=Path, metavar="FOLDER", help="write gallery.md and its pictures here")
     options = parser.parse_args(arguments)
-    renderers = [OURS, PLAIN, JUDGE_FINER, *([PEER] if options.peer else [])]
+    renderers = [OURS, OURS_FINER, PLAIN, JUDGE_FINER, *([PEER] if options.peer else [])]
     folder = options.gallery / "images" / "gallery" if options.gallery else None
     rows = []
     try:

@@ -29,6 +29,7 @@ class CameraFrame:
         faults: uint8, (world,); set to 1 where a pose or size is not finite or 0.
         images: Arrays (world, height, width, channels) of the outputs.
         buffers: Arrays (world, height, width, 1) of the plan's buffers; only the rows of the group are there.
+        parts: Parts of a pixel, across and down, in the finer images that ``images`` has, too.
         mirrors: Mirror, (world,); empty where no image shows mirrors.
         mirrored: View, (world,), likewise: the views from behind the mirrors.
         flow_history: FlowHistory, where flow is wanted, else None.
@@ -52,6 +53,7 @@ class CameraFrame:
     lists: wp.array | None
     group: Group
     device: wp.Device
+    parts: tuple[int, int] = (1, 1)
 
     @property
     def layers(self) -> LayerTables:

@@ -164,7 +164,8 @@ def bind_lists(
     stage = ListStage()
     stage.starts = int(frame_start is not None)
     stage.mask, stage.faults, stage.views, stage.lists = mask, faults, views, lists.flatten()
-    stage.columns, stage.width, stage.height = tables.num_shapes, lens.width, lens.height
+    stage.columns = tables.num_shapes
+    stage.width, stage.height = lens.width * int(lens.parts[0]), lens.height * int(lens.parts[1])
     stage.compact = int(is_compact(tables))
     stage.worlds_each, stage.rate = each, 2**16 // tables.num_shapes + 1
     inputs = [stage, FrameStart() if frame_start is None else frame_start, pose, lens]

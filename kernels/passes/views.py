@@ -84,6 +84,7 @@ class LensParams:
     clipping: wp.int32  # CLIP_NONE, CLIP_MAX or CLIP_ZERO
     width: wp.int32  # of the image [pixels]
     height: wp.int32
+    parts: wp.vec2  # of a pixel, across and down, each of which is a pixel of the image that is drawn
 
 
 @wp.struct
@@ -175,8 +176,8 @@ def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.arra
     if seeing and is_finite(position, rotation, scale, center):
         view.origin = position
         view.rotation = rotation
-        view.scale = scale
-        view.center = center
+        view.scale = wp.cw_div(scale, lens.parts)
+        view.center = wp.cw_mul(center, lens.parts)
     else:
         faults[world] = wp.uint8(1)
         view.origin = wp.vec3(wp.nan, wp.nan, wp.nan)

@@ -4,7 +4,7 @@
 counted from the plan.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
@@ -33,6 +33,7 @@ Result = TypeVar("Result")
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
+FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
 
 Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
 
@@ -74,6 +75,8 @@ class FramePlan:
         late: Outputs that only the passes of ``shading`` write, which may wait for other worlds.
         mirrors: The images show mirrors.
         in_place: Edges are smoothed where the images lie.
+        fine: Plan of lit images that are drawn finer, whose means are the camera's; None where none is.
+        parts: Parts of a pixel, across and down, that are pixels of the finer images.
     """
 
     lists: ListKey | None
@@ -84,30 +87,50 @@ class FramePlan:
     late: frozenset[str]
     mirrors: bool
     in_place: bool
+    fine: "FramePlan | None" = None
+    parts: tuple[int, int] = (1, 1)
 
     @property
     def passes(self) -> Passes:
-        """All passes, in the order of their launches."""
+        """Passes that read and write images and buffers of the camera's size, in the order of their launches."""
         return (*self.visibility, *self.shading)
+
+    def scratch(self, width: int, height: int) -> Iterator[tuple[str, Any, tuple[int, int]]]:
+        """Yield name, dtype and size, down and across, of each buffer of a camera of that size [pixels]."""
+        for name, dtype in self.buffers:
+            yield name, dtype, (height, width)
+        if self.fine is not None:
+            across, down = self.parts
+            size = (down * height, across * width)
+            for name, dtype in self.fine.buffers:
+                yield FINE + name, dtype, size
+            drawn = {name for each in self.fine.passes for _, name in each.arrays}
+            yield from ((FINE + name, dtype, size) for name, dtype in LIT_PIXELS.items() if name in drawn)
 
     @property
     def keys(self) -> tuple[KernelKey, ...]:
         """Kernels of the frame that have variants, each once, in the order of launches."""
-        found = [self.lists, *(each.key for each in self.passes)]
+        found = [*(self.fine.keys if self.fine else ()), self.lists, *(each.key for each in self.passes)]
         return tuple(dict.fromkeys(key for key in found if key is not None))
 
     def __str__(self) -> str:
         lines = [describe("views" if self.lists is None else "views and lists of shapes", self.lists)]
+        lines += [] if self.fine is None else [f"finer image: {line}" for line in str(self.fine).splitlines()]
         return "\n".join(dict.fromkeys([*lines, *(describe(each.name, each.key) for each in self.passes)]))
+
+
+NOTHING = FramePlan(None, 0, (), (), (), frozenset(), mirrors=False, in_place=False)
 
 
 def merged(plans: Iterable[FramePlan]) -> FramePlan:
     """One plan with the passes of all, each once: groups of other sizes may have other kernels."""
     plans = list(plans)
+    fine = [plan.fine for plan in plans if plan.fine is not None]
     return replace(
         plans[0],
         visibility=tuple(dict.fromkeys(each for plan in plans for each in plan.visibility)),
         shading=tuple(dict.fromkeys(each for plan in plans for each in plan.shading)),
+        fine=merged(fine) if fine else None,
     )
 
 
@@ -120,6 +143,8 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         device: Where it is drawn.
         group: Worlds that are drawn together; None is all. The kernels' regions depend on it, the buffers do not.
     """
+    if request.parts != (1, 1):
+        return _plan_supersampled(tables, request, device, group)
     group = Group.of_all(tables.num_worlds) if group is None else group
     lit, smooth = lit_outputs(request.outputs), request.smooth
     transparent = tables.layers is not None and tables.layers.has_transparent and bool(lit)
@@ -145,6 +170,22 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         late=frozenset() if transparent or smooth else _late(tables, request),
         mirrors=mirrors,
         in_place=in_place,
+    )
+
+
+def _plan_supersampled(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
+    """Plan lit images as the means of finer ones, and the other outputs by themselves."""
+    sharp = plan_frame(tables, request.sharp, device, group) if request.sharp.outputs else NOTHING
+    pixels = request.width * request.height
+    means = (
+        PlannedPass("mean of parts", None, pixels, (("parts", FINE + name), ("mean", name))) for name in request.smooth
+    )
+    return replace(
+        sharp,
+        shading=(*sharp.shading, *means),
+        late=frozenset(),  # finer images are drawn beside those of other worlds
+        fine=plan_frame(tables, request.fine, device, group),
+        parts=request.parts,
     )
 
 

@@ -1,8 +1,14 @@
 """Request for the images of one camera."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from warpcam.kernels.outputs import lit_outputs
+
+# Parts of a pixel, across and down, that are drawn as pixels of a finer image, by the camera's number of samples; each
+# part has EDGE_SAMPLES where an edge runs through it.
+SUPERSAMPLING: Mapping[int, tuple[int, int]] = {8: (2, 1), 16: (2, 2), 64: (4, 4)}
+EDGE_SAMPLES = 4
 
 
 @dataclass(frozen=True)
@@ -29,3 +35,21 @@ class ImageRequest:
     def smooth(self) -> tuple[str, ...]:
         """Outputs whose edges are smoothed."""
         return lit_outputs(self.outputs) if self.antialiasing > 1 else ()
+
+    @property
+    def parts(self) -> tuple[int, int]:
+        """Parts of a pixel, across and down, in images that are drawn finer; (1, 1) where none is."""
+        return SUPERSAMPLING.get(self.antialiasing, (1, 1)) if self.smooth else (1, 1)
+
+    @property
+    def fine(self) -> "ImageRequest":
+        """Lit images whose pixels are the parts of the request's."""
+        across, down = self.parts
+        width, height = across * self.width, down * self.height
+        return replace(self, width=width, height=height, outputs=self.smooth, antialiasing=EDGE_SAMPLES)
+
+    @property
+    def sharp(self) -> "ImageRequest":
+        """All other outputs, which are those of the pixels' centres."""
+        rest = tuple(name for name in self.outputs if name not in self.smooth)
+        return replace(self, outputs=rest, antialiasing=1)

@@ -22,7 +22,7 @@ MUJOCO_WARP: Mapping[str, str] = {
     "RenderTest.test_shadow_light_fraction_scales_shadowed_light2": (
         "a shadow has none of its light, as in MuJoCo's own renderer: 1.0 is refused"
     ),
-    "RenderTest.test_supersampling_antialiases_edges": "samples_per_pixel is 1 or 2, and light is MuJoCo's",
+    "RenderTest.test_supersampling_antialiases_edges": "samples_per_pixel is 1, 2, 4 or 8, and light is MuJoCo's",
     "RenderTest.test_supersampling_multi_camera_mixed_outputs": INTERNALS,
     "RenderTest.test_supersampling_validation": "the error names what is allowed in other words",
     "RenderUtilTest.test_bvh_creation*": INTERNALS,

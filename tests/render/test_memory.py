@@ -152,6 +152,10 @@ CAMERAS = {
         {"exposure": 0.5, "background": np.zeros((40, 3))},
         {"name": "side", "gain": 2.0, "background": np.ones((40, 3)), "lens": wc.Fisheye(fovy=120.0)},
     ],
+    "finer": [
+        {"antialiasing": 16, "outputs": ("rgb", "hdr", "depth"), "shadows": True},
+        {"name": "side", "antialiasing": 8, "lens": wc.Fisheye(fovy=120.0)},
+    ],
     "not all bodies": [
         {"exclude_bodies": 1, "outputs": ("rgb", "flow")},
         {"name": "side", "exclude_bodies": (1, 2), "outputs": ("depth",)},

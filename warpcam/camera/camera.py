@@ -12,6 +12,7 @@ from warpcam.camera.outputs import check_outputs
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.passes.antialiasing import SAMPLES
+from warpcam.kernels.plan.request import SUPERSAMPLING
 
 DepthClipping = Literal["none", "max", "zero"]
 
@@ -39,8 +40,9 @@ class Camera:
             scene camera's, or infinity.
         depth_clipping: What ``depth`` shows where nothing is hit: inf ("none"), ``far`` ("max") or 0 ("zero").
         shadows: Whether the scene's lights cast shadows in ``rgb``, ``rgba`` and ``hdr``.
-        antialiasing: Samples of a pixel that an edge runs through: 1, or 4 as ``mujoco.Renderer`` has it. It smooths
-            ``rgb``, ``rgba`` and ``hdr``; all other outputs are those of the pixel's centre.
+        antialiasing: Samples of a pixel that an edge runs through: 1, or 4 as ``mujoco.Renderer`` has it, or 8, 16 or
+            64, for shapes thinner than a pixel: 2, 4 or 16 parts of each pixel are drawn. It smooths ``rgb``, ``rgba``
+            and ``hdr``; all other outputs are those of the pixel's centre.
         background: Display colour in [0, 1] where nothing is hit, (3,) or (world, 3); None is the scene's own: its
             skybox, else black.
         exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,), at
@@ -86,7 +88,6 @@ class Camera:
                 f"{self.where}: position, rotation or parent make it a camera of your own, which needs a lens: "
                 "Pinhole(...), Orthographic(...), Fisheye(...), Distorted(...) or Rays(...)"
             )
-        check_table_size(self.lens, self.width, self.height, self.where)
         flows = [name for name in self.outputs if name in ("flow", "flow_valid")]
         if flows and isinstance(self.lens, RayTableLens):
             raise WarpcamError(
@@ -98,11 +99,9 @@ class Camera:
             raise WarpcamError(f"{self.where}: depth_clipping is {self.depth_clipping!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
-        is_whole = isinstance(self.antialiasing, int | np.integer) and not isinstance(self.antialiasing, bool)
-        if not is_whole or self.antialiasing not in (1, *SAMPLES):
-            allowed = ", ".join(map(str, (1, *SAMPLES)))
-            raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}")
-        object.__setattr__(self, "antialiasing", int(self.antialiasing))
+        object.__setattr__(self, "antialiasing", self._samples())
+        across, down = SUPERSAMPLING.get(self.antialiasing, (1, 1))
+        check_table_size(self.lens, across * self.width, down * self.height, self.where)
         self._check_background()
         object.__setattr__(self, "exclude_bodies", self._excluded())
 
@@ -121,6 +120,15 @@ class Camera:
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
             raise WarpcamError(f"{self.where}: {name} must be a whole number of pixels, at least 1, got {value!r}")
         return int(value)
+
+    def _samples(self) -> int:
+        is_whole = isinstance(self.antialiasing, int | np.integer) and not isinstance(self.antialiasing, bool)
+        finer = () if isinstance(self.lens, RayTableLens) and not self.lens.has_parts else (*SUPERSAMPLING,)
+        if not is_whole or self.antialiasing not in (1, *SAMPLES, *finer):
+            allowed = ", ".join(map(str, (1, *SAMPLES, *finer)))
+            why = "" if finer else f" with {type(self.lens).__name__}, which has a ray for each pixel"
+            raise WarpcamError(f"{self.where}: antialiasing is {self.antialiasing!r}; allowed are {allowed}{why}")
+        return int(self.antialiasing)
 
     def _excluded(self) -> tuple[str | int, ...]:
         return bodies_of(self.exclude_bodies, f"{self.where}: exclude_bodies")

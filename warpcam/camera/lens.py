@@ -173,20 +173,27 @@ class FormulaLens(Lens):
             points = points + torch.stack([start[0], -start[1], torch.zeros_like(u)], dim=-1)
         return points.to(given.dtype)
 
-    def pixel_rays(self, width: int, height: int, worlds: int, where: str) -> np.ndarray:
-        """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing."""
+    def pixel_rays(
+        self, width: int, height: int, worlds: int, where: str, parts: tuple[int, int] = (1, 1)
+    ) -> np.ndarray:
+        """Return where pixels' centres look, (world, height, width, 3) in the camera's frame; 0 sees nothing.
+
+        With ``parts``, so many across and down, of each pixel: the centres of these.
+        """
         numbers = self.numbers(width, height, worlds, where)
-        row, column = np.divmod(np.arange(height * width, dtype=np.float64), width)
-        table = np.empty((worlds, height * width, 3))
+        across, down = parts[0] * width, parts[1] * height
+        row, column = np.divmod(np.arange(down * across, dtype=np.float64), across)
+        row, column = (row + 0.5) / parts[1], (column + 0.5) / parts[0]
+        table = np.empty((worlds, down * across, 3))
         for world in range(worlds):
             _, inverse, formula = lens_tensors(numbers.of(world), 0, torch.device("cpu"))
-            for first in range(0, height * width, AT_ONCE):
+            for first in range(0, down * across, AT_ONCE):
                 some = slice(first, first + AT_ONCE)
-                centres = mapped(inverse, torch.from_numpy(column[some] + 0.5), torch.from_numpy(row[some] + 0.5))
+                centres = mapped(inverse, torch.from_numpy(column[some]), torch.from_numpy(row[some]))
                 rays = self.from_plane(*centres, formula)
                 for axis, (sign, values) in enumerate(zip((1.0, -1.0, -1.0), rays, strict=True)):
                     table[world, some, axis] = sign * values.numpy()
-        return np.nan_to_num(table, copy=False, nan=0.0).reshape(worlds, height, width, 3)
+        return np.nan_to_num(table, copy=False, nan=0.0).reshape(worlds, down, across, 3)
 
     def _on_device(
         self, given: torch.Tensor, width: int | None, height: int | None, where: str

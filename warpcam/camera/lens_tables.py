@@ -37,8 +37,16 @@ class RayTableLens(Lens):
         """True if the table differs by world."""
 
     @abstractmethod
-    def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
-        """(1 or world, height, width, 3) in the camera's frame, of any length; 0 sees nothing."""
+    def rays(self, width: int, height: int, num_worlds: int, where: str, parts: tuple[int, int] = (1, 1)) -> np.ndarray:
+        """(1 or world, height, width, 3) in the camera's frame, of any length; 0 sees nothing.
+
+        With ``parts``, so many across and down, of each pixel: one ray for each of these, where ``has_parts``.
+        """
+
+    @property
+    def has_parts(self) -> bool:
+        """True if there are rays for parts of pixels."""
+        return False
 
     @property
     def has_origins(self) -> bool:
@@ -58,9 +66,13 @@ class RayTableLens(Lens):
 class FormulaTableLens(FormulaLens, RayTableLens):
     """A table of rays that a formula gives."""
 
-    def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+    def rays(self, width: int, height: int, num_worlds: int, where: str, parts: tuple[int, int] = (1, 1)) -> np.ndarray:
         worlds = num_worlds if self.differs else 1
-        return self.pixel_rays(width, height, worlds, f"{where}: lens {type(self).__name__}")
+        return self.pixel_rays(width, height, worlds, f"{where}: lens {type(self).__name__}", parts)
+
+    @property
+    def has_parts(self) -> bool:
+        return True
 
 
 def check_table_size(lens: Lens | None, width: int, height: int, where: str) -> None:
@@ -101,7 +113,7 @@ class Rays(RayTableLens):
             return super().starts(width, height, num_worlds, where)
         return self._table(self.origins, width, height, num_worlds, f"{where}: lens Rays: origins")
 
-    def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+    def rays(self, width: int, height: int, num_worlds: int, where: str, parts: tuple[int, int] = (1, 1)) -> np.ndarray:
         where = f"{where}: lens Rays: directions"
         given = self._table(self.directions, width, height, num_worlds, where)
         if not given.any():

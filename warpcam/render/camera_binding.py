@@ -1,14 +1,13 @@
 """A camera bound to a scene: its own arrays, and the stage that turns them into views."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warpcam.accel.offset_ray_tables import offset_pixel_width, pack_offset_rays
-from warpcam.accel.ray_tables import pack_rays, pixel_angle, table_handles
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens, Projection
 from warpcam.camera.lens_tables import RayTableLens
@@ -22,8 +21,10 @@ from warpcam.kernels.passes.views import CameraPose, LensParams
 from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.render.camera_passes import CameraPasses
+from warpcam.render.camera_passes import CameraPasses, ViewArrays, parts_of
 from warpcam.render.excluded_bodies import ExcludedBodies, kept_shapes
+from warpcam.render.flow_history import CameraHistory
+from warpcam.render.lens_table import LensTable
 from warpcam.scene.scene import Scene
 
 CLIPPING = {"none": views_stage.CLIP_NONE, "max": views_stage.CLIP_MAX, "zero": views_stage.CLIP_ZERO}
@@ -52,7 +53,6 @@ class CameraBinding:
 
     Attributes:
         arrays: What may be written, by name.
-        table: float32 (1 or world, number): of a lens that is a table, as native/camera/ray_table.h reads it.
     """
 
     def __init__(self, camera: Camera, scene: Scene):
@@ -73,7 +73,10 @@ class CameraBinding:
             self.arrays["rotation"].assign(np.where(fit, rotations, rotations / lengths).astype(np.float32))
         if camera.lens is not None:
             if isinstance(camera.lens, RayTableLens):
-                self._make_table(camera.lens)
+                self._tables = {
+                    parts: LensTable(camera, camera.lens, scene.num_worlds, scene.device, parts)
+                    for parts in dict.fromkeys([(1, 1), parts_of(camera)])
+                }
             else:
                 self._make_lens(camera.lens)
         clipping = None if camera.is_own else scene.camera_kind(self._index).clipping
@@ -86,6 +89,11 @@ class CameraBinding:
     @property
     def projection(self) -> Projection:
         return projection_of(self._camera, self._scene)
+
+    @property
+    def table(self) -> wp.array:
+        """Rays of a lens that is a table, float32 (1 or world, number), as native/camera/ray_table.h reads them."""
+        return self._tables[1, 1].table
 
     def camera_tables(self, tables: SceneTables) -> SceneTables:
         """The scene as this camera has it: what it does not see, its background, its exposure."""
@@ -114,14 +122,27 @@ class CameraBinding:
         tables: SceneTables,
         passes: CameraPasses,
         frame_start: Any = None,
-    ) -> Stage:
-        """The stage that writes the camera's views, with the scene's arrays as of its last ``tables()``.
+    ) -> Iterator[Stage]:
+        """Yield the stages that write the camera's views, with the scene's arrays as of its last ``tables()``.
 
         If the camera has a history, the views there were go there. Where its plan lists shapes the stage does so, and
-        composes how they have moved. With a ``frame_start`` it is a frame's first.
+        composes how they have moved. With a ``frame_start`` the first is a frame's first.
         """
-        pose, lens, device = self.pose(), self._lens(), self._scene.device
-        history, views, key = passes.history, passes.views, passes.plan.lists
+        yield self._bind(mask, faults, tables, passes.seen, passes.history, frame_start)
+        if passes.finer is not None:
+            yield self._bind(mask, faults, tables, passes.finer)
+
+    def _bind(
+        self,
+        mask: wp.array,
+        faults: wp.array,
+        tables: SceneTables,
+        seen: ViewArrays,
+        history: CameraHistory | None = None,
+        frame_start: Any = None,
+    ) -> Stage:
+        pose, lens, device = self.pose(), self._lens(seen.parts), self._scene.device
+        views, key = seen.views, seen.plan.lists
         if key is None:
             before = None if history is None else history.views
             return views_stage.bind_views(
@@ -137,7 +158,7 @@ class CameraBinding:
             faults=faults,
             views=views,
             tables=self._seen(tables),
-            lists=passes.lists,
+            lists=seen.lists,
             history=flow_history,
             device=device,
         )
@@ -161,11 +182,11 @@ class CameraBinding:
             pose.rotations = scene.array("camera_rotations")
         return pose
 
-    def _lens(self) -> LensParams:
+    def _lens(self, parts: tuple[int, int]) -> LensParams:
         lens, scene, camera = LensParams(), self._scene, self._camera
         lens.near, lens.far = self.arrays["near"], self.arrays["far"]
         lens.clipping = CLIPPING[camera.depth_clipping]
-        lens.width, lens.height = camera.width, camera.height
+        lens.width, lens.height, lens.parts = camera.width, camera.height, wp.vec2(*map(float, parts))
         if camera.lens is None:
             kind = scene.camera_kind(self._index)
             lens.column = self._index
@@ -183,7 +204,7 @@ class CameraBinding:
                 lens.kind = views_stage.FOVY
             return lens
         if isinstance(camera.lens, RayTableLens):
-            lens.kind, lens.intrinsics = views_stage.TABLE, self._handles.reshape((-1, 1))
+            lens.kind, lens.intrinsics = views_stage.TABLE, self._tables[parts].handles
             return lens
         for name, kind_of_lens in (
             ("fovy", views_stage.FOVY),
@@ -195,14 +216,6 @@ class CameraBinding:
                 values = self.arrays[name].reshape((scene.num_worlds, 1))
                 setattr(lens, "intrinsics" if name == "intrinsics" else "angles", values)
         return lens
-
-    def _make_table(self, lens: RayTableLens) -> None:
-        device = self._scene.device
-        packed, widths = self._packed(lens, lens.has_origins)
-        count = self._scene.num_worlds if lens.differs else 1  # of tables, which may all begin as one
-        self.table = wp.array(np.broadcast_to(packed, (count, packed.shape[1])), dtype=wp.float32, device=device)
-        handles = self._handles_of(widths if len(widths) == count else widths * count)
-        self._handles = wp.array(handles, dtype=wp.vec4, device=device)
 
     def set_table(self, lens: Any) -> None:
         """Write another lens over the table there is."""
@@ -217,28 +230,18 @@ class CameraBinding:
                 f"{camera.where}: set_lens was given Rays with origins, and the renderer was built with a lens whose "
                 "rays all begin at the camera's position; build it with Rays that have origins"
             )
-        packed, widths = self._packed(lens, own.has_origins)
-        if len(packed) > len(self.table):
+        if not lens.has_parts and self._tables.keys() != {(1, 1)}:
+            raise WarpcamError(
+                f"{camera.where}: set_lens was given {type(lens).__name__}, which has a ray for each pixel, and "
+                f"antialiasing={camera.antialiasing} needs rays of their parts; build it with antialiasing=4"
+            )
+        if lens.differs and not own.differs and self._scene.num_worlds > 1:
             raise WarpcamError(
                 f"{camera.where}: set_lens was given a lens for each world, and the renderer was built with one for "
                 "all; build it with a lens for each world"
             )
-        self.table.assign(np.broadcast_to(packed, self.table.shape))
-        self._handles.assign(self._handles_of(widths))
-
-    def _packed(self, lens: RayTableLens, has_origins: bool) -> tuple[np.ndarray, list[float]]:
-        """A lens's tables, with places where rays begin if it ``has_origins``, and how wide a pixel is of each."""
-        size = (self._camera.width, self._camera.height, self._scene.num_worlds, self._camera.where)
-        rays = lens.rays(*size)
-        if not has_origins:
-            return pack_rays(rays), [pixel_angle(one) for one in rays]
-        rays, starts = np.broadcast_arrays(rays, lens.starts(*size))
-        widths = [offset_pixel_width(one, begin) for one, begin in zip(rays, starts, strict=True)]
-        return pack_offset_rays(rays, starts), widths
-
-    def _handles_of(self, widths: list[float]) -> np.ndarray:
-        count, floats = self.table.shape
-        return table_handles(self.table.ptr or 0, count, floats, self._camera.width, self._camera.height, widths)
+        for table in self._tables.values():
+            table.assign(lens)
 
     def _make_lens(self, lens: Lens) -> None:
         camera, num_worlds = self._camera, self._scene.num_worlds
@@ -323,8 +326,10 @@ def shared_bytes(camera: Camera, scene: Scene) -> int:
 
     These are a lens's table, that there is no skybox, and which shapes it sees if it does not see all.
     """
-    lens, size = camera.lens, (camera.width, camera.height, scene.num_worlds)
-    table = lens.bytes(*size) if isinstance(lens, RayTableLens) else 0
+    table = 0
+    if isinstance(camera.lens, RayTableLens):
+        for across, down in dict.fromkeys([(1, 1), parts_of(camera)]):
+            table += camera.lens.bytes(across * camera.width, down * camera.height, scene.num_worlds)
     seen = 4 * (len(kept_shapes(camera, scene)) + scene.tables().num_shapes) if camera.exclude_bodies else 0
     return table + seen + 4 * isinstance(camera.background, np.ndarray)
 

@@ -1,7 +1,8 @@
 """The images of one camera, and the stages that make them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import warp as wp
 
@@ -11,7 +12,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import FramePlan, plan_frame
+from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
@@ -23,11 +24,18 @@ MAX_PIXELS = 2**31
 
 
 def check_size(camera: Camera, num_worlds: int) -> None:
-    if num_worlds * camera.height * camera.width >= MAX_PIXELS:
+    across, down = parts_of(camera)
+    if num_worlds * camera.height * camera.width * across * down >= MAX_PIXELS:
+        parts = f" with antialiasing={camera.antialiasing}, of {across * down} parts each," if across > 1 else ""
         raise WarpcamError(
-            f"{camera.where}: {num_worlds} worlds of {camera.width} x {camera.height} pixels are 2^31 "
+            f"{camera.where}: {num_worlds} worlds of {camera.width} x {camera.height} pixels{parts} are 2^31 "
             "pixels or more; fewer are allowed in one camera"
         )
+
+
+def parts_of(camera: Camera) -> tuple[int, int]:
+    """Parts of a pixel, across and down, that are drawn as pixels of a finer image; (1, 1) where none is."""
+    return request_of(camera, "pinhole").parts
 
 
 def request_of(camera: Camera, projection: Projection) -> ImageRequest:
@@ -55,15 +63,37 @@ class Stages:
     shading: list[Stage]
 
 
+class ViewArrays:
+    """A camera's views in all worlds, and what passes keep for each.
+
+    Attributes:
+        plan: Of the images that are drawn of these views.
+        parts: Of a pixel of the camera, across and down, that are pixels of these images.
+        views: View, (world,).
+        lists: vec4, (world, row): the shapes that the images may show, where a stage lists them; else None.
+        mirrors: Mirror, (world,); empty where no image shows mirrors.
+        mirrored: View, (world,), likewise: the views from behind the mirrors.
+    """
+
+    def __init__(self, plan: FramePlan, parts: tuple[int, int], num_worlds: int, device: wp.Device):
+        self.plan, self.parts = plan, parts
+        self.views = wp.zeros(num_worlds, dtype=View, device=device)
+        behind = num_worlds if plan.mirrors else 0
+        self.mirrored = wp.zeros(behind, dtype=View, device=device)
+        self.mirrors = wp.zeros(behind, dtype=Mirror, device=device)
+        rows = plan.list_rows
+        self.lists = wp.zeros((num_worlds, rows), dtype=wp.vec4, device=device) if rows else None
+
+
 class CameraPasses:
     """Arrays of one camera, as far as its outputs need them.
 
     Attributes:
         plan: Of all worlds drawn together.
-        views: View, (world,).
+        seen: Views of the camera.
+        finer: Views whose pixels are parts of the camera's; None where none are drawn.
         images: Array of each output, (world, height, width, channels).
         history: What is kept of the last frame; None where no output needs it.
-        lists: vec4, (world, row): the shapes that its images may show, where a stage lists them; else None.
     """
 
     def __init__(self, camera: Camera, projection: Projection, tables: SceneTables, device: wp.Device):
@@ -71,19 +101,25 @@ class CameraPasses:
         size = (num_worlds, camera.height, camera.width)
         self._request, self._device = request_of(camera, projection), device
         self.plan = plan_frame(tables, self._request, device)
-        self.views = wp.zeros(num_worlds, dtype=View, device=device)
-        behind = num_worlds if self.plan.mirrors else 0
-        self._mirrored = wp.zeros(behind, dtype=View, device=device)  # views from behind the mirrors
-        self._mirrors = wp.zeros(behind, dtype=Mirror, device=device)
+        plan, parts = self.plan, self._request.parts
+        self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
+        self.finer = None if plan.fine is None else ViewArrays(plan.fine, parts, num_worlds, device)
         self.images: dict[str, wp.array] = {
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        rows = self.plan.list_rows
-        self.lists = wp.zeros((num_worlds, rows), dtype=wp.vec4, device=device) if rows else None
-        self.history = (
-            CameraHistory(camera, tables, device, self.images, listed=rows > 0) if needs_history(camera) else None
-        )
+        listed = plan.list_rows > 0
+        self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
+
+    @property
+    def views(self) -> wp.array:
+        """View, (world,), of the camera."""
+        return self.seen.views
+
+    @property
+    def pixels(self) -> int:
+        """Pixels that are drawn of each world."""
+        return math.prod((self._request.width, self._request.height, *self._request.parts))
 
     def bind(
         self,
@@ -94,24 +130,60 @@ class CameraPasses:
         faults: wp.array,
     ) -> tuple[FramePlan, Stages]:
         """Plan and bind the stages that make the images of a group of worlds, by way of ``buffers``."""
-        request = self._request
+        request, seen = self._request, self.seen
         plan = plan_frame(tables, request, self._device, group)
+        parts = {name.removeprefix(FINE): buffer for name, buffer in buffers.items() if name.startswith(FINE)}
+        finer = {name: _as_image(parts[name], name) for name in request.fine.outputs if name in parts}
         frame = CameraFrame(
             tables=tables,
             width=request.width,
             height=request.height,
             lens=request.lens,
-            views=self.views,
+            views=seen.views,
             mask=mask,
             faults=faults,
-            images=self.images,
+            images=self.images | {FINE + name: image for name, image in finer.items()},
             buffers=buffers,
-            mirrors=self._mirrors,
-            mirrored=self._mirrored,
+            mirrors=seen.mirrors,
+            mirrored=seen.mirrored,
             flow_history=None if self.history is None else self.history.flow_history,
-            lists=self.lists,
+            lists=seen.lists,
             group=group,
             device=self._device,
+            parts=request.parts,
         )
-        bound = [[PASSES[each.name].bind(each, frame) for each in passes] for passes in (plan.visibility, plan.shading)]
-        return plan, Stages(*bound)
+        visibility, shading = _bound(plan, frame)
+        if plan.fine is not None and self.finer is not None:
+            first, second = _bound(plan.fine, self._finer_frame(frame, self.finer, finer, parts))
+            visibility, shading = [*visibility, *first], [*second, *shading]  # means come last
+        return plan, Stages(visibility, shading)
+
+    def _finer_frame(
+        self, frame: CameraFrame, finer: ViewArrays, images: Mapping[str, wp.array], buffers: Mapping[str, wp.array]
+    ) -> CameraFrame:
+        """The frame of images whose pixels are parts of the camera's."""
+        request = self._request.fine
+        return replace(
+            frame,
+            width=request.width,
+            height=request.height,
+            views=finer.views,
+            images=images,
+            buffers=buffers,
+            mirrors=finer.mirrors,
+            mirrored=finer.mirrored,
+            flow_history=None,
+            lists=finer.lists,
+        )
+
+
+def _bound(plan: FramePlan, frame: CameraFrame) -> Iterator[list[Stage]]:
+    """Yield the stages of visibility, and those of shading."""
+    for passes in (plan.visibility, plan.shading):
+        yield [PASSES[each.name].bind(each, frame) for each in passes]
+
+
+def _as_image(pixels: wp.array, output: str) -> wp.array:
+    """See pixels (world, height, width, 1) as the image (world, height, width, channels) of an output."""
+    shape = (*pixels.shape[:3], OUTPUTS[output].channels)
+    return wp.array(ptr=pixels.ptr, shape=shape, dtype=OUTPUTS[output].dtype, device=pixels.device)

@@ -77,11 +77,15 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
-    planned = {key: plan.list_rows * vector + plan.mirrors * (view + mirror) for key, plan in plans.items()}
+    drawn = {key: [plan] if plan.fine is None else [plan, plan.fine] for key, plan in plans.items()}
+    planned = {
+        key: sum(view + each.list_rows * vector + each.mirrors * (view + mirror) for each in those)
+        for key, those in drawn.items()
+    }
     return Memory(
         images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
-        worlds=scene.num_worlds * (10 + sum(view + pose_bytes(one) + planned[key] for key, one in by_key.items()))
+        worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene) for one in by_key.values()),
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.list_rows], scene, tables),
     )

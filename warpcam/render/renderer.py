@@ -243,7 +243,7 @@ class Renderer:
         def record_views(frame_start: Any) -> Iterator[Stage]:
             for key, binding in self._bindings.items():
                 target = self._passes[key]
-                yield binding.bind(mask, faults, tables, target, frame_start)
+                yield from binding.bind(mask, faults, tables, target, frame_start)
                 frame_start = None
 
         images = {key: target.images for key, target in self._passes.items()}
@@ -326,8 +326,7 @@ class Renderer:
         return sum(len(each.worlds) * self._area(each) for each in batches)
 
     def _area(self, batch: Batch) -> int:
-        camera = self._cameras[batch.camera]
-        return camera.width * camera.height
+        return self._passes[batch.camera].pixels
 
     def _chains(self, tables: SceneTables, images: LentImages) -> list[list[list[Batch]]] | None:
         """Phases that need not wait for each other, where that is better than one after another.

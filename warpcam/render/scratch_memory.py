@@ -111,7 +111,8 @@ class Scratch:
 
     def wave(self, key: str | int) -> int:
         """Worlds of a camera are drawn together in multiples of this many: their last blocks fill the device, too."""
-        return edges.wave(self._device) if self._plans[key].in_place else 1
+        plan = self._plans[key]
+        return edges.wave(self._device) if (plan.fine or plan).in_place else 1
 
     def phases_of_rounds(
         self, images: LentImages, late: Mapping[str | int, Collection[str]], rounds: int
@@ -251,18 +252,21 @@ class Scratch:
 
     def _buffers(self, key: str | int, worlds: range, places: Mapping[Buffer, int]) -> dict[str, wp.array]:
         camera = self._cameras[key]
-        shape = (self._num_worlds, camera.height, camera.width, 1)
         buffers = {}
-        for name, dtype in self._plans[key].buffers:
-            stride = camera.height * camera.width * wp.types.type_size_in_bytes(dtype)
+        for name, dtype, (height, width) in self._plans[key].scratch(camera.width, camera.height):
+            stride = height * width * wp.types.type_size_in_bytes(dtype)
             start = places[key, worlds.start, name] - worlds.start * stride
+            shape = (self._num_worlds, height, width, 1)
             buffers[name] = wp.array(ptr=start, shape=shape, dtype=dtype, device=self._device)
         return buffers
 
     def _needed(self, key: str | int, worlds: int) -> dict[str, int]:
         """Bytes of each buffer of a group."""
-        pixels = worlds * self._cameras[key].width * self._cameras[key].height
-        return {name: _aligned(pixels * wp.types.type_size_in_bytes(dtype)) for name, dtype in self._plans[key].buffers}
+        camera = self._cameras[key]
+        return {
+            name: _aligned(worlds * height * width * wp.types.type_size_in_bytes(dtype))
+            for name, dtype, (height, width) in self._plans[key].scratch(camera.width, camera.height)
+        }
 
     def _bytes(self, key: str | int, worlds: int) -> int:
         return sum(self._needed(key, worlds).values())

@@ -32,7 +32,7 @@ class ScanLens(Rays):
     def starts(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
         return super().starts(width, height, num_worlds, where) if self.origins is None else self.origins[None]
 
-    def rays(self, width: int, height: int, num_worlds: int, where: str) -> np.ndarray:
+    def rays(self, width: int, height: int, num_worlds: int, where: str, parts: tuple[int, int] = (1, 1)) -> np.ndarray:
         return self.directions[None]
 
 

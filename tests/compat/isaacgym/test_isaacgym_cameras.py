@@ -157,7 +157,10 @@ def test_the_default_properties() -> None:
         ({"width": 0}, "width must be a whole number of pixels, at least 1, got 0"),
         ({"horizontal_fov": 180.0}, r"horizontal_fov must be in \(0, 180\) degrees, got 180.0"),
         ({"near_plane": 3.0, "far_plane": 2.0}, "far_plane beyond it, got 3.0 and 2.0"),
-        ({"supersampling_horizontal": 4}, "supersampling of 4 x 1 came; allowed is 1 x 1 or 2 x 2"),
+        (
+            {"supersampling_horizontal": 4},
+            "supersampling of 4 x 1 came; allowed is 1 x 1 or 2 x 2 or 4 x 2 or 4 x 4 or 8 x 8",
+        ),
     ],
 )
 def test_properties_that_no_camera_has(device: wp.Device, changes: dict[str, float], message: str) -> None:

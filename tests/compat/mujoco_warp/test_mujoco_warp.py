@@ -248,7 +248,7 @@ def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.De
         ({"enable_vertex_normals": False}, "enable_vertex_normals=False is not offered"),
         ({"flex_render_smooth": False}, "flex_render_smooth=False is not offered"),
         ({"splat_position": np.zeros((1, 3))}, "splat_position is not offered"),
-        ({"samples_per_pixel": 3}, "samples_per_pixel is 3; allowed are 1 and 2"),
+        ({"samples_per_pixel": 3}, "samples_per_pixel is 3; allowed are 1, 2, 4 and 8, along a side"),
         ({"shadow_light_fraction": 0.7}, "shadow_light_fraction is 0.7"),
         ({"nworld": 0}, "nworld must be a whole number, at least 1, got 0"),
         ({"background_color": (1, 2, 3)}, "background_color must be"),

@@ -103,7 +103,7 @@ def create_render_context(
         render_skybox: Whether to draw the model's skybox, if it has one.
         enable_backface_culling: Only True.
         shadow_light_fraction: 0.3, its default, and 0 are the same: a shadow is without its light, as in MuJoCo.
-        samples_per_pixel: 1, or 2 for smooth edges.
+        samples_per_pixel: Along a pixel's side: 1, 2 for smooth edges, or 4 or 8, for shapes thinner than a pixel.
         enable_vertex_normals: Only True.
         enable_specular: False leaves out highlights.
         enable_emission: False leaves out what materials emit.

@@ -65,8 +65,9 @@ def check_settings(settings: dict[str, Any]) -> None:
     for name in SPLATS:
         if settings[name] is not None:
             raise WarpcamError(f"{WHERE}: {name} is not offered: {SPLATS_ARE}; allowed is None")
-    if settings["samples_per_pixel"] not in (1, 2):
-        raise WarpcamError(f"{WHERE}: samples_per_pixel is {settings['samples_per_pixel']!r}; allowed are 1 and 2")
+    if settings["samples_per_pixel"] not in (1, 2, 4, 8):
+        came = settings["samples_per_pixel"]
+        raise WarpcamError(f"{WHERE}: samples_per_pixel is {came!r}; allowed are 1, 2, 4 and 8, along a side")
     if settings["shadow_light_fraction"] not in (0.0, 0.3):
         raise WarpcamError(
             f"{WHERE}: shadow_light_fraction is {settings['shadow_light_fraction']!r}; a shadow is without its light, "

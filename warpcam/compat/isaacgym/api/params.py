@@ -30,8 +30,8 @@ class CameraProperties(Strict):
         horizontal_fov: Of the whole width [degrees]; pixels are square.
         near_plane: Nothing nearer is seen: planar depth [m].
         far_plane: Nothing farther is seen: planar depth [m].
-        supersampling_horizontal: 1, or 2 with the other one too: edges of what is coloured are smooth.
-        supersampling_vertical: The same as the other.
+        supersampling_horizontal: Samples across a pixel: 1, or 2 for smooth edges of colours, or 4 or 8.
+        supersampling_vertical: Samples down a pixel: as many, or 2 with 4 across.
         use_collision_geometry: What collides is seen instead of what is to be seen.
         enable_tensors: Whether images may be had as tensors on the device; here on every device.
         shadows: Whether lights cast shadows. Not of Isaac Gym.

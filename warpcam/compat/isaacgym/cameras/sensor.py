@@ -18,7 +18,7 @@ from warpcam.core.errors import WarpcamError
 
 # From our camera's axes, x right, y up, z backwards, to x forwards, y left, z up.
 TURNED = Quat(0.5, -0.5, -0.5, 0.5)
-SAMPLES = {(1, 1): 1, (2, 2): 4}
+SAMPLES = {(1, 1): 1, (2, 2): 4, (4, 2): 8, (4, 4): 16, (8, 8): 64}
 MODES = {CameraFollowMode.FOLLOW_POSITION: kernels.POSITION, CameraFollowMode.FOLLOW_TRANSFORM: kernels.TRANSFORM}
 
 
