@@ -117,9 +117,8 @@ def is_finite(position: wp.vec3, rotation: wp.mat33, scale: wp.vec2, center: wp.
 
 
 @wp.func
-def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.array(dtype=wp.uint8)) -> View:
-    near = lens.near[world]  # loaded with the rest: memory is waited for once
-    far = lens.far[world]
+def camera_pose(world: wp.int32, pose: CameraPose):
+    """Position and rotation of a camera in the world frame."""
     position = pose.positions[world, pose.column]
     rotation = wp.identity(n=3, dtype=wp.float32)
     if pose.own != 0:
@@ -130,6 +129,14 @@ def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.arra
             rotation = frame * rotation
     else:
         rotation = pose.rotations[world, pose.column]
+    return position, rotation
+
+
+@wp.func
+def view_of(world: wp.int32, pose: CameraPose, lens: LensParams, faults: wp.array(dtype=wp.uint8)) -> View:
+    near = lens.near[world]  # loaded with the rest: memory is waited for once
+    far = lens.far[world]
+    position, rotation = camera_pose(world, pose)
 
     width = wp.float32(lens.width)
     height = wp.float32(lens.height)

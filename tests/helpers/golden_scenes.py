@@ -200,4 +200,5 @@ PICTURES: dict[str, Picture] = {
     **_of(color_pictures.colored, color_pictures.COLOR_EFFECTS),
     **_of(shutter_pictures.exposed, shutter_pictures.SHUTTERS),
     **_of(lidar_pictures.scanned, lidar_pictures.SCANS),
+    **_of(sensor_pictures.matched, ("stereo_camera",)),
 }

@@ -1,4 +1,4 @@
-"""Pictures of what models of depth cameras measure, each beside the truth."""
+"""Pictures of what depth cameras and stereo cameras measure, each beside the truth."""
 
 import numpy as np
 import scenes
@@ -22,6 +22,13 @@ GEOMS = (
 )
 EYE, TARGET = (0.0, -2.3, 1.4), (0.1, 0.2, 0.6)
 LIGHT = '<light type="directional" pos="0 0 3" dir="-0.4 0.5 -1" diffuse="0.8 0.7 0.6" castshadow="false"/>'
+# For a camera with a short range: a table before a wall, and what lies on it.
+TABLE = """
+<geom type="box" size="2 .8 .05" pos="0 .2 -.05" rgba=".7 .7 .7 1"/>
+<geom type="box" size="2 .05 .5" pos="0 1.1 .2" rgba=".9 .9 .9 1"/>
+<geom type="sphere" size=".14" pos="-.25 .1 .14" rgba=".8 .5 .4 1"/>
+<geom type="box" size=".1 .1 .18" pos=".2 .25 .18" euler="0 0 30" rgba=".4 .6 .9 1"/>
+"""
 
 
 def _numbers(text: str, scale: float) -> str:
@@ -52,3 +59,19 @@ def measured(name: str, device: wp.Device) -> np.ndarray:
         visualize.picture("depth", np.concatenate(both)).repeat(SIZE // size, axis=1).repeat(SIZE // size, axis=2)
     )
     return np.concatenate(list(pictures), axis=1)
+
+
+def matched(_: str, device: wp.Device) -> np.ndarray:
+    """Infrared image, measured depth and truth of a stereo camera, from the left."""
+    mjm = scenes.compile_xml(LIGHT + TABLE)
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    position, lens = (0.0, -0.8, 0.75), wc.Pinhole(fovy=55.0)
+    camera = wc.Camera(
+        "eye", width=96, height=80, position=position, rotation=scenes.looking(position, (0, 0.3, 0.1)), lens=lens
+    )
+    matching = sensors.StereoMatching(max_disparity=32, block=(3, 3), subpixel="equiangular")
+    stereo = sensors.StereoCamera(scene, camera, baseline=0.1, matching=matching, seed=1)
+    images = stereo.read()
+    both = np.concatenate([images["depth"].cpu().numpy(), stereo.truth.cpu().numpy()])
+    infrared = images["infrared_left"][0].cpu().numpy().repeat(3, axis=-1)
+    return np.concatenate([infrared, *visualize.picture("depth", both)], axis=1)

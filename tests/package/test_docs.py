@@ -221,6 +221,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/sensors_point_clouds.md": point_clouds,
     "docs/sensors_color.md": memory,
     "docs/sensors_depth.md": simulated,
+    "docs/sensors_stereo.md": simulated,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,

@@ -95,6 +95,13 @@ def test_robot_sensors_show_one_robot(tmp_path: Path) -> None:
     assert 90.0 < measured < 100.0 and points == 4096 and 40.0 < returns < 60.0
 
 
+def test_stereo_camera_with_and_without_a_projector(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "stereo_camera.py"), folder=tmp_path)
+    assert np.asarray(Image.open(tmp_path / "stereo_camera.png")).shape == (720, 848, 3)
+    active, passive = map(float, re.findall(r"([\d.]+) % of the pixels are measured", printed))
+    assert active > 90.0 > 70.0 > passive
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")

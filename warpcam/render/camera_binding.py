@@ -141,7 +141,7 @@ class CameraBinding:
         history: CameraHistory | None = None,
         frame_start: Any = None,
     ) -> Stage:
-        pose, lens, device = self._pose(), self._lens(seen.parts), self._scene.device
+        pose, lens, device = self.pose(), self._lens(seen.parts), self._scene.device
         views, key = seen.views, seen.plan.lists
         if key is None:
             before = None if history is None else history.views
@@ -166,7 +166,8 @@ class CameraBinding:
     def _seen(self, tables: SceneTables) -> SceneTables:
         return tables if self._excluded is None else self._excluded.without(tables)
 
-    def _pose(self) -> CameraPose:
+    def pose(self) -> CameraPose:
+        """Arrays that the camera's pose in each world comes from."""
         pose, scene = CameraPose(), self._scene
         pose.own = int(self._camera.is_own)
         pose.parent = self._parent

@@ -38,9 +38,8 @@ def drawn_cameras(renderer: Any, where: str) -> tuple[Scene, dict[str | int, Dra
     """
     if not isinstance(renderer, Renderer):
         raise WarpcamError(f"{where}: renderer must be a Renderer or a Rig, got {type(renderer).__name__}")
+    images = {key: {name: renderer.array(key, name) for name in renderer.images[key]} for key in renderer.images}
     return renderer._scene, {
-        key: DrawnCamera(
-            camera, renderer._bindings[key].projection, renderer._passes[key].images, renderer._passes[key].views
-        )
+        key: DrawnCamera(camera, renderer._bindings[key].projection, images[key], renderer._passes[key].views)
         for key, camera in renderer._cameras.items()
     }

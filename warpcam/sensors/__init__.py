@@ -35,6 +35,10 @@ from warpcam.sensors.lidar import Lidar
 from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
 from warpcam.sensors.point_clouds import PointClouds
 from warpcam.sensors.rig import Rig
+from warpcam.sensors.stereo.dot_projector import DotProjector
+from warpcam.sensors.stereo.infrared_noise import InfraredNoise
+from warpcam.sensors.stereo.matching import StereoMatching
+from warpcam.sensors.stereo.stereo_camera import StereoCamera
 from warpcam.sensors.timing.accumulation import Accumulation
 from warpcam.sensors.timing.delivery import Deliveries, Delivery
 from warpcam.sensors.timing.shutter import MotionBlur, RollingShutter
@@ -59,6 +63,7 @@ __all__ = [
     "DepthRange",
     "DisparityNoise",
     "DisparityQuantization",
+    "DotProjector",
     "Dsnu",
     "EdgeDropout",
     "Effect",
@@ -69,6 +74,7 @@ __all__ = [
     "Gain",
     "GammaCurve",
     "GrazingDropout",
+    "InfraredNoise",
     "JpegArtifacts",
     "LateralNoise",
     "Lidar",
@@ -90,6 +96,8 @@ __all__ = [
     "Sharpening",
     "ShiftedLookup",
     "ShotNoise",
+    "StereoCamera",
+    "StereoMatching",
     "StereoShadow",
     "ToneCurve",
     "Vignetting",

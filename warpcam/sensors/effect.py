@@ -139,8 +139,23 @@ def parameter_array(
     Raises:
         WarpcamError: They are of another shape, not finite, or outside of what is allowed.
     """
-    value, limits = getattr(effect, entry.name), entry.metadata
     where = f"{where}: {type(effect).__name__}: {entry.name}"
+    return world_numbers(getattr(effect, entry.name), where, entry.metadata, num_worlds, device)
+
+
+def world_numbers(value: Any, where: str, limits: Mapping[str, Any], num_worlds: int, device: Any) -> wp.array:
+    """Numbers of all worlds, (world, *width) float32, in the user's own memory where possible.
+
+    Args:
+        value: What the user gave.
+        where: Prefix of error messages.
+        limits: "low", "high" and "width", as of ``parameter``.
+        num_worlds: How many worlds there are.
+        device: Of the scene.
+
+    Raises:
+        WarpcamError: They are of another shape, not finite, or outside of what is allowed.
+    """
     numbers = per_world(value, where, num_worlds, limits["width"])
     outside = numbers[(numbers < limits["low"]) | (numbers > limits["high"])]
     if outside.size:

@@ -1,0 +1,1 @@
+"""Stereo cameras that match two infrared images."""
