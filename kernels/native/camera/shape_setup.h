@@ -2,6 +2,7 @@
 #pragma once
 #include "camera/region.h"
 #include "camera/projected_extent.h"
+#include "camera/ray_tiles.h"
 
 namespace warpcam {
 
@@ -135,92 +136,6 @@ WARPCAM_DEVICE void distances(Vec3 offset, Vec3 half, float& nearest, float& far
     const Vec3 far { a.x + half.x, a.y + half.y, a.z + half.z };
     farthest = (1.0f + 1.0e-5f) * sqrt(dot(far, far));
     nearest = max(sqrt(dot(near, near)) - 1.0e-5f * farthest, 0.0f);
-}
-
-// Tiles of a region, found one after another in its rows: what holds them all.
-struct TileRange {
-    int left, right, top, bottom;  // empty while left > right
-
-    WARPCAM_DEVICE void add(int row, int column)
-    {
-        left = min(left, column);
-        right = column > right ? column : right;
-        top = min(top, row);
-        bottom = row;
-    }
-
-    WARPCAM_DEVICE TileRect box() const
-    {
-        return { static_cast<signed char>(left), static_cast<signed char>(top), static_cast<signed char>(right),
-                 static_cast<signed char>(bottom) };
-    }
-};
-
-WARPCAM_DEVICE Vec3 axis_of(const Float3Int& cone) { return { cone.x, cone.y, cone.z }; }
-
-// The cosine of the widest angle to a tile's cone under which what lies within another cone around a direction, whose
-// half angle has this cosine and sine, may be seen.
-WARPCAM_DEVICE float least_along(const Float3Int& cone, float cosine, float sine)
-{
-    const float wide = as_float(cone.w), narrow = sqrt(max(1.0f - wide * wide, 0.0f));
-    return wide <= -cosine ? -2.0f : wide * cosine - narrow * sine - 5.0e-5f;
-}
-
-// The tiles of a region whose cones may meet a box: its middle in the camera's frame, the rotation from there to its
-// own frame, its half widths. Empty (left > right) if there are none.
-WARPCAM_DEVICE TileRect ray_tiles(const Camera& camera, const Region& region, Vec3 center, const Mat3& m, Vec3 half)
-{
-    const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
-    const TileRect all { 0, 0, static_cast<signed char>(across - 1), static_cast<signed char>(down - 1) };
-    const float length = sqrt(dot(center, center)), rate = 1.0f / max(length, 1.0e-30f);
-    const Vec3 axis { rate * center.x, rate * center.y, rate * center.z };
-    float cosine = 1.0f;  // of the angle between the box's middle and its corners, as seen from the camera
-#pragma unroll 1
-    for (int k = 0; k < 8; ++k) {
-        const Vec3 corner { k & 1 ? half.x : -half.x, k & 2 ? half.y : -half.y, k & 4 ? half.z : -half.z };
-        const Vec3 turned = transform_transposed(m, corner);
-        const Vec3 at { center.x + turned.x, center.y + turned.y, center.z + turned.z };
-        const float far = sqrt(dot(at, at)), along = dot(axis, at);
-        if (!(along > 1.0e-3f * far))  // the box is not on one side of the camera
-            return all;
-        cosine = min(cosine, along / far);
-    }
-    const float sine = sqrt(max(1.0f - cosine * cosine, 0.0f));
-    TileRange tiles { across, -1, down, -1 };
-    const Float3Int* cones = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
-#pragma unroll 1
-    for (int row = 0; row < down; ++row, cones += tiles_across(camera))
-#pragma unroll 1
-        for (int column = 0; column < across; ++column) {
-            if (dot(axis, axis_of(cones[column])) >= least_along(cones[column], cosine, sine))
-                tiles.add(row, column);
-        }
-    return tiles.box();
-}
-
-// Tile rectangle of a ball for rays with own origins.
-WARPCAM_DEVICE TileRect spread_tiles(const Camera& camera, const Region& region, Vec3 center, float radius)
-{
-    const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
-    TileRange tiles { across, -1, down, -1 };
-#pragma unroll 1
-    for (int row = 0; row < down; ++row)
-#pragma unroll 1
-        for (int column = 0; column < across; ++column) {
-            const Float3Int* tile =
-                tile_starts(camera, region.left / TILE_WIDTH + column, region.top / TILE_HEIGHT + row);
-            const Float3Int cone = load(tile, 0), starts = load(tile, 1);
-            const Vec3 offset { center.x - starts.x, center.y - starts.y, center.z - starts.z };
-            const float length = sqrt(dot(offset, offset)),
-                        reach = radius + as_float(starts.w) + 1.0e-5f * (length + radius);
-            if (length > reach) {  // no ray begins within
-                const float sine = reach / length, cosine = sqrt(1.0f - sine * sine);
-                if (dot(offset, axis_of(cone)) < least_along(cone, cosine, sine) * length)
-                    continue;
-            }
-            tiles.add(row, column);
-        }
-    return tiles.box();
 }
 
 // A shape's box and the scale that makes it a unit shape.

@@ -47,9 +47,24 @@ template <class Shapes> inline Spheres load_spheres(const Shapes& shapes, int wo
     return s;
 }
 
-// Bit mask of the spheres that a region of a view may show.
-template <int LENS> inline unsigned spheres_in(const Spheres& s, const Camera& camera, const Region& region)
+// Bit mask of the spheres that a cone of rays may show.
+inline unsigned spheres_in(const Spheres& s, const Camera& camera, const RegionCone& cone)
 {
+    const Vec3x8 offset = s.at - broadcast(camera.origin);
+    const Float8 length = sqrt(dot(offset, offset)), radius = s.radius + 1.0e-4f * (s.radius + length);
+    const Float8 sine = min(radius / length, (Float8)1.0f), cosine = sqrt(max(1.0f - sine * sine, (Float8)0.0f));
+    const Float8 wide = cone.cosine;
+    const Float8 along = dot(broadcast(transform(camera.rotation, cone.axis)), offset);
+    const Int8 inside = (length <= radius) | (along >= least_along(wide, cosine, sine) * length);
+    return movemask(inside | s.unknown) & s.there;
+}
+
+// Bit mask of the spheres that a region of a view may show. `cone` holds the region's rays, of a lens that is a table.
+template <int LENS>
+inline unsigned spheres_in(const Spheres& s, const Camera& camera, const Region& region, const RegionCone& cone)
+{
+    if constexpr (LENS == RAYS)
+        return spheres_in(s, camera, cone);
     if constexpr (has_table(LENS))
         return s.there;
     const Mat3& r = camera.rotation;
