@@ -116,6 +116,16 @@ def test_a_camera_on_a_body_and_one_of_the_scene(device: wp.Device) -> None:
     assert all((images[0][name] == images[1][name]).all() for name in images[0])
 
 
+@pytest.mark.parametrize("near", [0.3, [0.3, 0.2]])
+def test_what_is_nearer_than_near_casts_no_shadow_of_dots(device: wp.Device, near: Any) -> None:
+    """A housing about both imagers and the projector."""
+    world = wall(1.2, PLAIN) + '<geom type="box" size=".3 .3 .02" pos="0 0 -.1"/>'
+    stereo = sensors.StereoCamera(scene_of(world, 2, device), eye(near=near), baseline=BASELINE)
+    assert (read(stereo)["depth"] > 0.0).mean(axis=(1, 2)).min() > 0.8
+    stereo.renderer.camera("eye").near[1] = 0.0  # within the housing
+    assert (read(stereo)["depth"] > 0.0).mean(axis=(1, 2))[1] < 0.3
+
+
 def test_noise_follows_from_the_seed_whatever_the_number_of_worlds(device: wp.Device) -> None:
     world, matching = wall(1.2, PLAIN), sensors.StereoMatching(max_disparity=32)
     work = 2 * matching.bytes_per_world(*SIZE)

@@ -69,8 +69,8 @@ class StereoCamera:
         parameters: Tensors (world,) that may be written in place and that ``warpcam.randomize`` draws: ``baseline``,
             ``min_depth``, ``max_depth``, ``ambient``, ``projector_intensity``, ``noise_speckle``, ``noise_sigma`` and
             ``noise_offset``, the last four where there is a projector or noise.
-        renderer: Renderer of all cameras. Pose and lens of the left one, ``renderer.camera(name)``, may be written; the
-            right one and the projector follow. Its images of the left camera have the measured depth, so that
+        renderer: Renderer of all cameras. Pose, lens and range of the left one, ``renderer.camera(name)``, may be
+            written; the right one follows, and the projector follows its pose and ``near``. Its images of the left camera have the measured depth, so that
             ``Rig(stereo.renderer, {name: effects})`` and ``PointClouds(stereo.renderer, [name])`` go on from there.
         memory: What was allocated for it all; its parameters aside.
 
