@@ -213,6 +213,34 @@ def test_rigs_and_point_clouds_go_on_from_the_measured_depth(device: wp.Device) 
     assert torch.allclose(-cloud["points"][0, :count, 2], depth[depth > 0.0], atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [sensors.DepthOfField(focus_distance=0.8, f_number=1.2, focal_length=0.05)],
+        [sensors.MotionBlur(exposure=0.1)],
+        [sensors.RollingShutter(readout=0.1), sensors.RollingShutter(readout=0.1, changes="depth")],
+    ],
+    ids=lambda effects: type(effects[0]).__name__,
+)
+def test_effects_on_colors_look_up_true_depth(device: wp.Device, effects: list[sensors.Effect]) -> None:
+    """Holes are no surface that lies before all others. Depth that goes on, late or not, is the measured one."""
+    camera = eye(outputs=("rgb", "depth", "flow", "flow_valid"))
+    scene = scene_of(wall(2.0, TEXTURED) + BOX, 1, device)
+    matching = sensors.StereoMatching(max_disparity=32)
+    stereo = sensors.StereoCamera(scene, camera, baseline=BASELINE, matching=matching, noise=None, **PASSIVE)
+    plain = wc.Renderer(scene, [camera])
+    rigs = [sensors.Rig(renderer, {"eye": effects}) for renderer in (plain, stereo.renderer)]
+    for time, place in enumerate((0.0, 0.1)):
+        for rig in rigs:
+            rig.renderer.camera("eye").position[:, 0] = place
+            rig.read(time=0.1 * time)
+    images, expected = rigs[1].images["eye"], rigs[0].images["eye"]
+    assert torch.equal(images["rgb"], expected["rgb"]) and not torch.equal(images["rgb"], plain.images["eye"]["rgb"])
+    assert ((images["depth"] == 0.0) != (expected["depth"] == 0.0)).any()
+    late = sensors.Rig(stereo.renderer, {"eye": [sensors.Delivery(rate=10.0)]})
+    assert torch.equal(late.read(time=0.0)["eye"]["depth"], stereo.images["depth"])
+
+
 def test_parameters_are_drawn(device: wp.Device) -> None:
     stereo = stereo_of(wall(1.2, PLAIN), device, 3)
     names = {"baseline", "min_depth", "max_depth", "ambient", "projector_intensity"}

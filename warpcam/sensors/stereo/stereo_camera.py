@@ -65,13 +65,15 @@ class StereoCamera:
 
     Attributes:
         images: What was measured last; the same tensors at each read.
-        truth: Depth of the left imager as it is: float32 (world, height, width, 1) [m], inf where nothing is hit.
+        truth: Depth of the left imager as it is: float32 (world, height, width, 1) [m]; where nothing is hit as the
+            camera's ``depth_clipping`` has it, inf unless given.
         parameters: Tensors (world,) that may be written in place and that ``warpcam.randomize`` draws: ``baseline``,
             ``min_depth``, ``max_depth``, ``ambient``, ``projector_intensity``, ``noise_speckle``, ``noise_sigma`` and
             ``noise_offset``, the last four where there is a projector or noise.
         renderer: Renderer of all cameras. Pose, lens and range of the left one, ``renderer.camera(name)``, may be
-            written; the right one follows, and the projector follows its pose and ``near``. Its images of the left camera have the measured depth, so that
-            ``Rig(stereo.renderer, {name: effects})`` and ``PointClouds(stereo.renderer, [name])`` go on from there.
+            written; the right one follows, and the projector follows its pose and ``near``. Its images of the left
+            camera have the measured depth, so that ``Rig(stereo.renderer, {name: effects})`` and
+            ``PointClouds(stereo.renderer, [name])`` go on from there; effects on colours look up true depth.
         memory: What was allocated for it all; its parameters aside.
 
     Raises:
