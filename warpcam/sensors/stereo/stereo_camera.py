@@ -101,7 +101,7 @@ class StereoCamera:
         torch_interop.require_no_capture(scene.device, where)
         self._device, self._num_worlds = scene.device, scene.num_worlds
         left, right, light = _cameras(camera, projector, scene)
-        cells = left.width * left.height * int(matching.max_disparity)
+        cells = left.width * left.height * matching.max_disparity
         if cells > MAX_CELLS:
             raise WarpcamError(f"{where}: width * height * max_disparity must be below 2^31, got {cells}")
         at_once = self._worlds_at_once(left, matching, int(work_memory))
@@ -218,8 +218,8 @@ class StereoCamera:
         for name, dtype, count in (
             ("left", wp.uint32, pixels),
             ("right", wp.uint32, pixels),
-            ("costs", wp.uint16, pixels * int(matching.max_disparity)),
-            ("totals", wp.uint16, pixels * int(matching.max_disparity)),
+            ("costs", wp.uint16, pixels * matching.max_disparity),
+            ("totals", wp.uint16, pixels * matching.max_disparity),
             ("found", wp.float32, pixels),
             ("found_right", wp.int32, pixels),
             ("checked", wp.float32, pixels),
