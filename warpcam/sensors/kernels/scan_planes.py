@@ -11,6 +11,7 @@ wp.set_module_options(compiler_flags())
 # Sines of angles between rays and planes are known to about 3e-7: pose and direction are float32. Below LEVEL a ray and
 # a plane are parallel.
 LEVEL = wp.constant(1.0e-6)
+ROUNDING = wp.constant(3.0e-7)  # of a sum of steps, relative: both are float32
 FAR_AWAY = wp.constant(1.0e3)  # a ray that is not parallel meets a plane a millimetre below it before that [m]
 
 
@@ -31,6 +32,18 @@ def within_reach(distance: wp.float32, far: wp.float32) -> wp.float32:
 
 
 @wp.func
+def rounded_within(distance: wp.float32, step: wp.float32, near: wp.float32, far: wp.float32) -> wp.float32:
+    """Round a distance to steps; if these end at a limit of the range, to the limit, which is not quite their sum."""
+    nearest = step * wp.round(distance / step)
+    error = nearest * ROUNDING
+    if nearest > far and nearest - error <= far:
+        nearest = far
+    if nearest < near and nearest + error >= near:
+        nearest = near
+    return nearest
+
+
+@wp.func
 def runs_along_plane(
     planes: EndlessPlanes, rays: ScanRays, poses: ScanPoses, world: wp.int32, ray: wp.int32, distance: wp.float32
 ) -> wp.bool:
@@ -46,7 +59,8 @@ def runs_along_plane(
         size = planes.sizes[world % planes.sizes.shape[0], shape]
         if size[0] <= 0.0 or size[1] <= 0.0:
             normal = wp.normalize(planes.rotations[world, shape] * wp.vec3(0.0, 0.0, 1.0))
-            height = wp.dot(normal, origin - planes.positions[world, shape])
-            if wp.abs(wp.dot(normal, direction)) < LEVEL and wp.abs(height) < LEVEL * distance:
-                return True
+            if wp.length_sq(normal) > 0.0:  # zeros: this world has no such plane
+                height = wp.dot(normal, origin - planes.positions[world, shape])
+                if wp.abs(wp.dot(normal, direction)) < LEVEL and wp.abs(height) < LEVEL * distance:
+                    return True
     return False
