@@ -11,7 +11,6 @@ wp.set_module_options(compiler_flags())
 # Sines of angles between rays and planes are known to about 3e-7: pose and direction are float32. Below LEVEL a ray and
 # a plane are parallel.
 LEVEL = wp.constant(1.0e-6)
-ROUNDING = wp.constant(3.0e-7)  # of a sum of steps, relative: both are float32
 FAR_AWAY = wp.constant(1.0e3)  # a ray that is not parallel meets a plane a millimetre below it before that [m]
 
 
@@ -29,18 +28,6 @@ class EndlessPlanes:
 def within_reach(distance: wp.float32, far: wp.float32) -> wp.float32:
     """Limit a traced distance to the greatest range, which it exceeds by rounding alone; inf stays."""
     return wp.where(wp.isfinite(distance), wp.min(distance, far), distance)
-
-
-@wp.func
-def rounded_within(distance: wp.float32, step: wp.float32, near: wp.float32, far: wp.float32) -> wp.float32:
-    """Round a distance to steps; if these end at a limit of the range, to the limit, which is not quite their sum."""
-    nearest = step * wp.round(distance / step)
-    error = nearest * ROUNDING
-    if nearest > far and nearest - error <= far:
-        nearest = far
-    if nearest < near and nearest + error >= near:
-        nearest = near
-    return nearest
 
 
 @wp.func
