@@ -156,6 +156,12 @@ def test_some_worlds_are_read_and_others_stay(device: wp.Device) -> None:
     assert (second["depth"][1] != first["depth"][1]).any()
 
 
+@pytest.mark.parametrize("options", [{"worlds": [3]}, {"worlds": "all"}, {"forward": 1}])
+def test_errors_of_a_read_say_what_was_called(device: wp.Device, options: dict[str, Any]) -> None:
+    with pytest.raises(wc.WarpcamError, match=f"^StereoCamera.read: {next(iter(options))} "):
+        stereo_of(wall(1.2, PLAIN), device, 3).read(**options)
+
+
 def test_reads_compile_and_allocate_nothing(
     device: wp.Device, loads: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

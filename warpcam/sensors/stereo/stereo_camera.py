@@ -155,7 +155,7 @@ class StereoCamera:
 
             Further outputs of the camera, as ``rgb``, are there as ``Renderer`` gives them.
         """
-        self.renderer.render(worlds, forward)
+        self.renderer.draw(worlds, forward, "StereoCamera.read")
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
