@@ -206,6 +206,21 @@ def test_a_read_may_be_captured(device: wp.Device) -> None:
         assert (image.cpu().numpy()[..., 0] == expected[counted - 1][name]).all()
 
 
+@pytest.mark.parametrize("by_rig", [False, True])
+def test_point_clouds_are_of_measured_depth_though_true_points_are_there(device: wp.Device, by_rig: bool) -> None:
+    scene = scene_of(WALLS["across"], 1, device)
+    stereo = sensors.StereoCamera(scene, eye(outputs=("rgb", "points")), baseline=BASELINE, **PASSIVE)
+    rig = sensors.Rig(stereo.renderer, {"eye": [sensors.Blur(sigma=1.0)]})
+    source, pixels = rig if by_rig else stereo.renderer, SIZE[0] * SIZE[1]
+    clouds, true = (
+        sensors.PointClouds(source, ["eye"], num_points=pixels, method="first", positions=positions)
+        for positions in (None, "points")
+    )
+    (rig if by_rig else stereo).read()
+    count = int((stereo.images["depth"] > 0.0).sum())
+    assert int(clouds.read()["count"][0]) == count < pixels == int(true.read()["count"][0])
+
+
 def test_rigs_and_point_clouds_go_on_from_the_measured_depth(device: wp.Device) -> None:
     stereo = stereo_of(WALLS["across"], device, **PASSIVE)
     rig = sensors.Rig(stereo.renderer, {"eye": [sensors.DepthBias(offset=0.5)]})
