@@ -98,3 +98,35 @@ def test_walls_far_beyond_a_plane_return(device: wp.Device) -> None:
         )
     found = [float(lidar.read()["ranges"].reshape(-1)[0]) for lidar in lidars]
     np.testing.assert_allclose(found, (10.0, 2000.0, 50000.0), rtol=1e-6)
+
+
+@pytest.mark.parametrize("resolution", [0.001, 0.002, 0.01])
+@pytest.mark.parametrize("limit", [0.7, 30.0, 100.0, 120.0])
+def test_a_surface_at_either_end_returns_when_ranges_are_rounded(
+    device: wp.Device, limit: float, resolution: float
+) -> None:
+    """Steps of a millimetre add up to a little more or less than the range."""
+    wall = scenes.compile_xml(f'<geom type="box" size="1 9 9" pos="{1.0 + limit} 0 0"/>')
+    scene = wc.from_mujoco(wall, scenes.forward(wall), device=device)
+    noise = sensors.LidarNoise(resolution=resolution)
+    for ends in ({"max_range": limit}, {"min_range": limit}):
+        lidar = sensors.Lidar(scene, patterns.rays([[(1.0, 0.0, 0.0)]], **ends), noise=noise)
+        measured = host(lidar.read())["ranges"].ravel()
+        np.testing.assert_allclose(measured, limit, rtol=1e-6)
+        assert measured <= np.float32(limit) or "max_range" not in ends
+    lidar.parameters.min_range.fill_(limit + 0.6 * resolution)
+    assert np.isinf(host(lidar.read())["ranges"]).all()
+
+
+def test_planes_that_are_not_there_take_no_returns(device: wp.Device) -> None:
+    """A wall far away returns where the plane's rotation is zeros, and where the lidar does not see the plane."""
+    wall = '<geom type="box" size="1 5000 5000" pos="2001 0 0"/>'
+    mjm = scenes.compile_xml(wall + '<body name="floor"><geom type="plane" size="0 0 1"/></body>')
+    m, d = scenes.put(mjm, 2)
+    scenes.write(d.geom_xmat, (1, 1), 0.0)
+    scene = wc.from_mujoco_warp(mjm, m, d)
+    ahead = patterns.rays([[(1.0, 0.0, 0.0)]])
+    lidar = sensors.Lidar(scene, ahead, position=(0.0, 0.0, 1.0))
+    np.testing.assert_allclose(host(lidar.read())["ranges"].ravel(), 2000.0, rtol=1e-6)
+    blind = sensors.Lidar(scene, ahead, position=(0.0, 0.0, 1e-4), exclude_body="floor")
+    np.testing.assert_allclose(host(blind.read())["ranges"].ravel(), 2000.0, rtol=1e-6)

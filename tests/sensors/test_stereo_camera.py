@@ -116,6 +116,16 @@ def test_a_camera_on_a_body_and_one_of_the_scene(device: wp.Device) -> None:
     assert all((images[0][name] == images[1][name]).all() for name in images[0])
 
 
+@pytest.mark.parametrize("near", [0.3, [0.3, 0.2]])
+def test_what_is_nearer_than_near_casts_no_shadow_of_dots(device: wp.Device, near: Any) -> None:
+    """A housing about both imagers and the projector."""
+    world = wall(1.2, PLAIN) + '<geom type="box" size=".3 .3 .02" pos="0 0 -.1"/>'
+    stereo = sensors.StereoCamera(scene_of(world, 2, device), eye(near=near), baseline=BASELINE)
+    assert (read(stereo)["depth"] > 0.0).mean(axis=(1, 2)).min() > 0.8
+    stereo.renderer.camera("eye").near[1] = 0.0  # within the housing
+    assert (read(stereo)["depth"] > 0.0).mean(axis=(1, 2))[1] < 0.3
+
+
 def test_noise_follows_from_the_seed_whatever_the_number_of_worlds(device: wp.Device) -> None:
     world, matching = wall(1.2, PLAIN), sensors.StereoMatching(max_disparity=32)
     work = 2 * matching.bytes_per_world(*SIZE)
@@ -144,6 +154,12 @@ def test_some_worlds_are_read_and_others_stay(device: wp.Device) -> None:
         assert (second[name][[0, 2]] == first[name][[0, 2]]).all()
         assert (second[name][1] == both[1][name][1]).all()
     assert (second["depth"][1] != first["depth"][1]).any()
+
+
+@pytest.mark.parametrize("options", [{"worlds": [3]}, {"worlds": "all"}, {"forward": 1}])
+def test_errors_of_a_read_say_what_was_called(device: wp.Device, options: dict[str, Any]) -> None:
+    with pytest.raises(wc.WarpcamError, match=f"^StereoCamera.read: {next(iter(options))} "):
+        stereo_of(wall(1.2, PLAIN), device, 3).read(**options)
 
 
 def test_reads_compile_and_allocate_nothing(
@@ -190,6 +206,21 @@ def test_a_read_may_be_captured(device: wp.Device) -> None:
         assert (image.cpu().numpy()[..., 0] == expected[counted - 1][name]).all()
 
 
+@pytest.mark.parametrize("by_rig", [False, True])
+def test_point_clouds_are_of_measured_depth_though_true_points_are_there(device: wp.Device, by_rig: bool) -> None:
+    scene = scene_of(WALLS["across"], 1, device)
+    stereo = sensors.StereoCamera(scene, eye(outputs=("rgb", "points")), baseline=BASELINE, **PASSIVE)
+    rig = sensors.Rig(stereo.renderer, {"eye": [sensors.Blur(sigma=1.0)]})
+    source, pixels = rig if by_rig else stereo.renderer, SIZE[0] * SIZE[1]
+    clouds, true = (
+        sensors.PointClouds(source, ["eye"], num_points=pixels, method="first", positions=positions)
+        for positions in (None, "points")
+    )
+    (rig if by_rig else stereo).read()
+    count = int((stereo.images["depth"] > 0.0).sum())
+    assert int(clouds.read()["count"][0]) == count < pixels == int(true.read()["count"][0])
+
+
 def test_rigs_and_point_clouds_go_on_from_the_measured_depth(device: wp.Device) -> None:
     stereo = stereo_of(WALLS["across"], device, **PASSIVE)
     rig = sensors.Rig(stereo.renderer, {"eye": [sensors.DepthBias(offset=0.5)]})
@@ -201,6 +232,34 @@ def test_rigs_and_point_clouds_go_on_from_the_measured_depth(device: wp.Device) 
     count = int(cloud["count"][0])
     assert count == int((depth > 0.0).sum())
     assert torch.allclose(-cloud["points"][0, :count, 2], depth[depth > 0.0], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        [sensors.DepthOfField(focus_distance=0.8, f_number=1.2, focal_length=0.05)],
+        [sensors.MotionBlur(exposure=0.1)],
+        [sensors.RollingShutter(readout=0.1), sensors.RollingShutter(readout=0.1, changes="depth")],
+    ],
+    ids=lambda effects: type(effects[0]).__name__,
+)
+def test_effects_on_colors_look_up_true_depth(device: wp.Device, effects: list[sensors.Effect]) -> None:
+    """Holes are no surface that lies before all others. Depth that goes on, late or not, is the measured one."""
+    camera = eye(outputs=("rgb", "depth", "flow", "flow_valid"))
+    scene = scene_of(wall(2.0, TEXTURED) + BOX, 1, device)
+    matching = sensors.StereoMatching(max_disparity=32)
+    stereo = sensors.StereoCamera(scene, camera, baseline=BASELINE, matching=matching, noise=None, **PASSIVE)
+    plain = wc.Renderer(scene, [camera])
+    rigs = [sensors.Rig(renderer, {"eye": effects}) for renderer in (plain, stereo.renderer)]
+    for time, place in enumerate((0.0, 0.1)):
+        for rig in rigs:
+            rig.renderer.camera("eye").position[:, 0] = place
+            rig.read(time=0.1 * time)
+    images, expected = rigs[1].images["eye"], rigs[0].images["eye"]
+    assert torch.equal(images["rgb"], expected["rgb"]) and not torch.equal(images["rgb"], plain.images["eye"]["rgb"])
+    assert ((images["depth"] == 0.0) != (expected["depth"] == 0.0)).any()
+    late = sensors.Rig(stereo.renderer, {"eye": [sensors.Delivery(rate=10.0)]})
+    assert torch.equal(late.read(time=0.0)["eye"]["depth"], stereo.images["depth"])
 
 
 def test_parameters_are_drawn(device: wp.Device) -> None:

@@ -213,17 +213,32 @@ def test_depth_follows_from_the_median(device: wp.Device, side: int) -> None:
         ({"p1": 0}, "p1 must be a whole number of at least 1, got 0"),
         ({"p1": 8, "p2": 8}, "p2 must be a whole number above p1, which is 8, got 8"),
         ({"p2": "32"}, "p2 must be a whole number above p1, which is 8, got '32'"),
+        ({"p2": 40000}, r"must be below 32768, got 4 .* 49 .* \(24 . 40000\)"),
         ({"paths": 5}, "paths must be 4 or 8, got 5"),
+        ({"paths": 4.0}, "paths must be 4 or 8, got 4.0"),
+        ({"paths": np.array([4, 8])}, r"paths must be 4 or 8, got array"),
         ({"contrast": 256}, "contrast must be a whole number from 0 to 255, got 256"),
         ({"uniqueness": 100}, "uniqueness must be a whole number from 0 to 99, got 100"),
         ({"subpixel": "cubic"}, "subpixel must be 'parabola' or 'equiangular', got 'cubic'"),
         ({"max_difference": -1}, "max_difference must be a whole number of at least 0, or None, got -1"),
         ({"median": 4}, "median must be 1, 3, 5 or 7, got 4"),
+        ({"median": 3.0}, "median must be 1, 3, 5 or 7, got 3.0"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(WarpcamError, match=f"StereoMatching: .*{message}"):
         sensors.StereoMatching(**options)
+
+
+@pytest.mark.filterwarnings("error")
+def test_whole_numbers_of_numpy_do_not_overflow() -> None:
+    options = {"max_disparity": 64, "p1": 8, "p2": 33, "paths": 8, "contrast": 3, "uniqueness": 90, "median": 5}
+    plain, small = (
+        sensors.StereoMatching(**{name: kind(number) for name, number in options.items()}) for kind in (int, np.int8)
+    )
+    assert plain == small and plain.bytes_per_world(80, 60) == small.bytes_per_world(80, 60)
+    assert all(type(getattr(small, name)) is int for name in options)
+    assert sensors.StereoMatching(max_difference=2**31).matcher(8, 8).max_difference >= 256
 
 
 def test_settings_are_sapiens() -> None:

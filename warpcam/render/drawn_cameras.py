@@ -21,12 +21,14 @@ class DrawnCamera:
         camera: As it was asked for.
         projection: Kind of its rays.
         images: Array of each output, (world, height, width, channels).
+        measured: Names of those that a sensor's renderer has measured.
         views: View, (world,), of each world's last frame.
     """
 
     camera: Camera
     projection: Projection
     images: Mapping[str, wp.array]
+    measured: frozenset[str]
     views: wp.array
 
 
@@ -38,8 +40,10 @@ def drawn_cameras(renderer: Any, where: str) -> tuple[Scene, dict[str | int, Dra
     """
     if not isinstance(renderer, Renderer):
         raise WarpcamError(f"{where}: renderer must be a Renderer or a Rig, got {type(renderer).__name__}")
-    images = {key: {name: renderer.array(key, name) for name in renderer.images[key]} for key in renderer.images}
-    return renderer._scene, {
-        key: DrawnCamera(camera, renderer._bindings[key].projection, images[key], renderer._passes[key].views)
-        for key, camera in renderer._cameras.items()
-    }
+    drawn = {}
+    for key, camera in renderer._cameras.items():
+        images = {name: renderer.array(key, name) for name in renderer.images[key]}
+        measured = frozenset(name for name, image in images.items() if image is not renderer.rendered(key, name))
+        projection, views = renderer._bindings[key].projection, renderer.views(key)
+        drawn[key] = DrawnCamera(camera, projection, images, measured, views)
+    return renderer._scene, drawn

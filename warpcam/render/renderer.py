@@ -179,10 +179,14 @@ class Renderer:
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``: the same memory, (world, height, width, channels)."""
-        target = self._passes[self._key(camera)]
-        if output not in tuple(target.images):
-            raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(target.images)}")
-        return target.images[output]
+        return self.rendered(camera, output)
+
+    def rendered(self, camera: str | int, output: str) -> wp.array:
+        """The same, as it was drawn: sensors may have measurements in ``images``."""
+        images = self._passes[self._key(camera)].images
+        if output not in tuple(images):
+            raise WarpcamError(f"Renderer.array: output {output!r} came, {camera!r} renders {', '.join(images)}")
+        return images[output]
 
     def views(self, camera: str | int) -> wp.array:
         """Pose and lens of a camera as the last frame had them: ``warpcam.kernels.types.View``, (world,)."""
@@ -325,10 +329,7 @@ class Renderer:
         return self._device.is_cuda and pixels >= SPLIT_ABOVE_PIXELS
 
     def _pixels(self, phase: Rounds) -> int:
-        return sum(len(each.worlds) * self._area(each) for each in itertools.chain(*phase))
-
-    def _area(self, batch: Batch) -> int:
-        return self._passes[batch.camera].pixels
+        return sum(len(each.worlds) * self._passes[each.camera].pixels for each in itertools.chain(*phase))
 
     def _chains(self, tables: SceneTables, images: LentImages) -> list[list[list[Batch]]] | None:
         """Phases that need not wait for each other, where that is better than one after another.
@@ -372,14 +373,13 @@ class Renderer:
             parts: How many are worth it.
             busiest: Pixels of the phase that has most.
         """
-        key, area = batch.camera, self._area(batch)
-        seen = self._bindings[key].camera_tables(tables)
+        key, passes, mask = batch.camera, self._passes[batch.camera], self._selection.mask
+        seen, area = self._bindings[key].camera_tables(tables), passes.pixels
         parts = parts if batch.buffers and self._is_large(len(batch.worlds) * area) else 1
         cuts = cuts_in_waves(len(batch.worlds), parts, self._scratch.wave(key) if parts > 1 else 1)
         for first, end in itertools.pairwise(batch.worlds.start + cut for cut in cuts):
             group = Group(range(first, end), busiest // area)
-            mask = self._selection.mask
-            plan, stages = self._passes[key].bind(seen, group, batch.buffers, mask, self._faults)
+            plan, stages = passes.bind(seen, group, batch.buffers, mask, self._faults)
             self._plans[key].append(plan)
             yield stages
 

@@ -71,7 +71,9 @@ class Measurement:
         if isinstance(effects, str) or not isinstance(effects, Sequence):
             raise WarpcamError(f"{self._where}: effects must be a list of effects, got {effects!r}")
         self._effects = list(effects)
-        self._truth: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in renderer.images[camera]}
+        names = tuple(renderer.images[camera])
+        self._truth: Mapping[str, wp.array] = {name: renderer.rendered(camera, name) for name in names}
+        self._sources: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in names}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
         self._device = some.device
@@ -104,7 +106,7 @@ class Measurement:
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
-            source = _as_rows(truth[steps[0].source])
+            source = _as_rows(self._sources[steps[0].source][within])
             for step, place in zip(steps, _places(steps), strict=True):
                 target = buffers[place][within]
                 stages += step.bind(source, target, truth, worlds, mask)
@@ -267,7 +269,7 @@ class Measurement:
         """The delivery of all outputs, measured where effects change them."""
         if not self._effects or not isinstance(self._effects[-1], Delivery):
             return None
-        return DeliveredImages(self._effects[-1], self._arrays[-1], {**self._truth, **self._measured}, self._where)
+        return DeliveredImages(self._effects[-1], self._arrays[-1], {**self._sources, **self._measured}, self._where)
 
 
 def _places(steps: Sequence[Step]) -> list[int]:

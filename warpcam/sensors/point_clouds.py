@@ -49,8 +49,8 @@ class PointClouds:
         bounds: Lowest and highest corner of a box in ``frame`` [m], both of it; points outside are left out.
         exclude: Ids to leave out, by output: {"bodies": (0,)}. The cameras need these outputs.
         attributes: Outputs that points bring along, as ("rgb", "normals", "segmentation").
-        positions: The output that says where points are; None is "depth" where that was measured and ``points`` were
-            not, else "points" where a camera has it, else "depth".
+        positions: The output that says where points are; None is "depth" where that was measured, by a rig or a stereo
+            camera, and ``points`` were not, else "points" where a camera has it, else "depth".
         images: In place of the cameras' own images, {camera: {output: tensor}}: what was measured, in tensors as
             ``render()`` gives them, which are read at each ``read``. None is the rig's, or nothing.
         padding: What follows where a world has fewer points than K: "repeat" its points again, in their order; "zeros"

@@ -113,11 +113,12 @@ def of_camera(
     own: dict[str, wp.array] = dict(drawn.images)
     if not isinstance(images, Mapping | None):
         raise WarpcamError(f"{here}: images must be a dictionary of tensors by output, got {images!r}")
-    others = dict({} if images is None else images)
-    late = others.pop("frame_age", None) is not None
-    for name, value in others.items():
+    given = dict({} if images is None else images)
+    late = given.pop("frame_age", None) is not None
+    for name, value in given.items():
         own[name] = _as_image(value, name, own, drawn, f"{here}: images: {name}")
-    measured = [name for name, image in own.items() if name not in drawn.images or image.ptr != drawn.images[name].ptr]
+    others = {name for name, image in own.items() if name not in drawn.images or image.ptr != drawn.images[name].ptr}
+    measured = drawn.measured | others
     preferred = ("depth",) if "depth" in measured and "points" not in measured else get_args(Positions)
     if late and positions is None and set(get_args(Positions)) <= set(own):
         raise WarpcamError(

@@ -123,7 +123,8 @@ class ScanRenderer(Renderer):
         return [[[*stages, bind_launch(scan_measurement.measure, threads, inputs, device)]]]
 
     def _planes(self) -> Any:
-        planes, shapes = scan_planes.EndlessPlanes(), self._scene.tables().shapes
+        planes = scan_planes.EndlessPlanes()
+        shapes = self._bindings[CAMERA].camera_tables(self._scene.tables()).shapes
         drawn = shapes.drawn.numpy()
         numbers = drawn[shapes.types.numpy()[drawn] == PLANE]
         planes.shapes = wp.array(numbers, dtype=wp.int32, device=self._device)

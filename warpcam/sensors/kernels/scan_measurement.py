@@ -8,6 +8,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.sensors.kernels.random import Randomness, world_state
+from warpcam.sensors.kernels.range_limits import at_limit
 from warpcam.sensors.kernels.scan_planes import FAR_AWAY, EndlessPlanes, runs_along_plane, within_reach
 from warpcam.sensors.kernels.scan_poses import ScanPoses, pose_at
 from warpcam.sensors.kernels.scan_rays import ScanRays, direction_of, origin_of
@@ -167,7 +168,7 @@ def measure(
                 returns = not is_dropped(wp.exp(-attenuation * distance), rate, limit, zero, one, other)
             measured += offset
             if step > 0.0:
-                measured = step * wp.round(measured / step)
+                measured = at_limit(step * wp.round(measured / step), near, far)
             returns = returns and measured >= near and measured <= far
         if not returns:
             measured = scan.miss

@@ -46,7 +46,8 @@ def runs_along_plane(
         size = planes.sizes[world % planes.sizes.shape[0], shape]
         if size[0] <= 0.0 or size[1] <= 0.0:
             normal = wp.normalize(planes.rotations[world, shape] * wp.vec3(0.0, 0.0, 1.0))
-            height = wp.dot(normal, origin - planes.positions[world, shape])
-            if wp.abs(wp.dot(normal, direction)) < LEVEL and wp.abs(height) < LEVEL * distance:
-                return True
+            if wp.length_sq(normal) > 0.0:  # zeros: this world has no such plane
+                height = wp.dot(normal, origin - planes.positions[world, shape])
+                if wp.abs(wp.dot(normal, direction)) < LEVEL and wp.abs(height) < LEVEL * distance:
+                    return True
     return False

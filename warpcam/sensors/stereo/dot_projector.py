@@ -31,8 +31,8 @@ class DotProjector:
             pixel; at least 0, a number or (world,).
         dots: Number of dots in the cone; None is one for each 6x6 pixels of the camera.
         size: Full width of a dot at half its brightness [pixels of the camera], at least 1.
-        fovx: Angle of the cone across [degrees]; None is the camera's.
-        fovy: Angle of the cone down [degrees]; None is the camera's.
+        fovx: Angle of the cone across [degrees]; None: around what the camera sees as it is built, in all worlds.
+        fovy: Angle of the cone down [degrees], likewise.
         position: (3,) in the frame of the left imager: right, up, backward [m]; None is the middle between the imagers.
         pattern: A pattern of your own in place of dots, (rows, columns), from 0 to 1, stretched over the cone; its
             first row is the upper one.

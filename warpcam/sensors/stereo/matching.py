@@ -1,5 +1,7 @@
 """Settings of stereo matching."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -11,6 +13,7 @@ from warpcam.sensors.kernels.stereo_matching import MAX_DISPARITIES, Matcher
 MAX_CENSUS_BITS = 31
 MAX_COST = 2**15  # of all paths together, as sums have 16 bits
 DISPARITY_STEP = 16
+PATHS = (4, 8)
 MEDIANS = (1, 3, 5, 7)
 
 Subpixel = Literal["parabola", "equiangular"]
@@ -78,17 +81,15 @@ class StereoMatching:
             raise WarpcamError(f"StereoMatching: census must have from 3 to 63 pixels, got {self.census!r}")
         self._whole("p1", "a whole number of at least 1", 1)
         self._whole("p2", f"a whole number above p1, which is {self.p1}", self.p1 + 1)
-        if self.paths not in (4, 8) or isinstance(self.paths, bool):
-            raise WarpcamError(f"StereoMatching: paths must be 4 or 8, got {self.paths!r}")
+        self._choice("paths", PATHS)
         self._whole("contrast", "a whole number from 0 to 255", 0, 255)
         self._whole("uniqueness", "a whole number from 0 to 99", 0, 99)
-        if self.subpixel not in get_args(Subpixel):
+        if not isinstance(self.subpixel, str) or self.subpixel not in get_args(Subpixel):
             allowed = " or ".join(map(repr, get_args(Subpixel)))
             raise WarpcamError(f"StereoMatching: subpixel must be {allowed}, got {self.subpixel!r}")
         if self.max_difference is not None:
             self._whole("max_difference", "a whole number of at least 0, or None", 0)
-        if self.median not in MEDIANS or isinstance(self.median, bool):
-            raise WarpcamError(f"StereoMatching: median must be 1, 3, 5 or 7, got {self.median!r}")
+        self._choice("median", MEDIANS)
         cost = self.paths * self.block[0] * self.block[1] * (self.bits + self.p2)
         if cost >= MAX_COST:
             raise WarpcamError(
@@ -108,21 +109,28 @@ class StereoMatching:
     def matcher(self, width: int, height: int) -> Matcher:
         """The struct for kernels, without its arrays."""
         matcher, area = Matcher(), self.block[0] * self.block[1]
-        matcher.width, matcher.height, matcher.disparities = width, height, int(self.max_disparity)
-        matcher.bits, matcher.contrast = self.bits, int(self.contrast)
+        matcher.width, matcher.height, matcher.disparities = width, height, self.max_disparity
+        matcher.bits, matcher.contrast = self.bits, self.contrast
         matcher.census_radius_x, matcher.census_radius_y = (side // 2 for side in self.census)
         matcher.block_radius_x, matcher.block_radius_y = (side // 2 for side in self.block)
-        matcher.p1, matcher.p2 = int(self.p1) * area, int(self.p2) * area
-        matcher.uniqueness, matcher.median = int(self.uniqueness), int(self.median)
+        matcher.p1, matcher.p2 = self.p1 * area, self.p2 * area
+        matcher.uniqueness, matcher.median = self.uniqueness, self.median
         matcher.is_equiangular = int(self.subpixel == "equiangular")
-        matcher.max_difference = -1 if self.max_difference is None else int(self.max_difference)
+        most = MAX_DISPARITIES  # two disparities differ by less
+        matcher.max_difference = -1 if self.max_difference is None else min(self.max_difference, most)
         return matcher
 
-    def _whole(self, name: str, allowed: str, low: int, high: int = 2**15) -> int:
+    def _whole(self, name: str, allowed: str, low: int, high: float = math.inf) -> int:
         value = getattr(self, name)
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
             raise WarpcamError(f"StereoMatching: {name} must be {allowed}, got {value!r}")
+        object.__setattr__(self, name, int(value))  # one of NumPy might overflow
         return int(value)
+
+    def _choice(self, name: str, choices: Sequence[int]) -> None:
+        words = f"{', '.join(map(str, choices[:-1]))} or {choices[-1]}"
+        if self._whole(name, words, choices[0], choices[-1]) not in choices:
+            raise WarpcamError(f"StereoMatching: {name} must be {words}, got {getattr(self, name)!r}")
 
     def _window(self, name: str) -> None:
         value: Any = getattr(self, name)

@@ -65,13 +65,15 @@ class StereoCamera:
 
     Attributes:
         images: What was measured last; the same tensors at each read.
-        truth: Depth of the left imager as it is: float32 (world, height, width, 1) [m], inf where nothing is hit.
+        truth: Depth of the left imager as it is: float32 (world, height, width, 1) [m]; where nothing is hit as the
+            camera's ``depth_clipping`` has it, inf unless given.
         parameters: Tensors (world,) that may be written in place and that ``warpcam.randomize`` draws: ``baseline``,
             ``min_depth``, ``max_depth``, ``ambient``, ``projector_intensity``, ``noise_speckle``, ``noise_sigma`` and
             ``noise_offset``, the last four where there is a projector or noise.
-        renderer: Renderer of all cameras. Pose and lens of the left one, ``renderer.camera(name)``, may be written; the
-            right one and the projector follow. Its images of the left camera have the measured depth, so that
-            ``Rig(stereo.renderer, {name: effects})`` and ``PointClouds(stereo.renderer, [name])`` go on from there.
+        renderer: Renderer of all cameras. Pose, lens and range of the left one, ``renderer.camera(name)``, may be
+            written; the right one follows, and the projector follows its pose and ``near``. Its images of the left
+            camera have the measured depth, so that ``Rig(stereo.renderer, {name: effects})`` and
+            ``PointClouds(stereo.renderer, [name])`` go on from there; effects on colours look up true depth.
         memory: What was allocated for it all; its parameters aside.
 
     Raises:
@@ -99,7 +101,7 @@ class StereoCamera:
         torch_interop.require_no_capture(scene.device, where)
         self._device, self._num_worlds = scene.device, scene.num_worlds
         left, right, light = _cameras(camera, projector, scene)
-        cells = left.width * left.height * int(matching.max_disparity)
+        cells = left.width * left.height * matching.max_disparity
         if cells > MAX_CELLS:
             raise WarpcamError(f"{where}: width * height * max_disparity must be below 2^31, got {cells}")
         at_once = self._worlds_at_once(left, matching, int(work_memory))
@@ -153,7 +155,7 @@ class StereoCamera:
 
             Further outputs of the camera, as ``rgb``, are there as ``Renderer`` gives them.
         """
-        self.renderer.render(worlds, forward)
+        self.renderer.draw(worlds, forward, "StereoCamera.read")
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -216,8 +218,8 @@ class StereoCamera:
         for name, dtype, count in (
             ("left", wp.uint32, pixels),
             ("right", wp.uint32, pixels),
-            ("costs", wp.uint16, pixels * int(matching.max_disparity)),
-            ("totals", wp.uint16, pixels * int(matching.max_disparity)),
+            ("costs", wp.uint16, pixels * matching.max_disparity),
+            ("totals", wp.uint16, pixels * matching.max_disparity),
             ("found", wp.float32, pixels),
             ("found_right", wp.int32, pixels),
             ("checked", wp.float32, pixels),

@@ -71,7 +71,11 @@ class StereoRenderer(Renderer):
         return super().array(camera, output)
 
     def _head(self, everything: bool) -> list[Stage]:
-        """Stages that place the right imager and the projector, and give the right imager the lens of the left one."""
+        """Stages that place the right imager and the projector, and give them what they share with the left imager.
+
+        The right imager has its lens, range and colours, the projector the least depth alone: what stands before it,
+        as a housing, casts no shadow.
+        """
         setup, worlds, device = self._setup, self._scene.num_worlds, self._device
         left, right = self._bindings[setup.left.name], self._bindings[setup.right.name]
         places: list[tuple[Any, float, Any]] = [(right, 1.0, wp.vec3())]
@@ -83,10 +87,12 @@ class StereoRenderer(Renderer):
             inputs = [left.pose(), setup.arrays["baseline"], share, offset]
             inputs += [binding.arrays[name] for name in POSES]
             stages.append(bind_launch(stereo_poses.place_beside, worlds, inputs, device, block_dim=BLOCK_DIM))
-        for name in sorted(left.arrays.keys() - set(POSES)):
-            source, target = (_numbers(binding.arrays[name]) for binding in (left, right))
-            inputs = [source, target]
-            stages.append(bind_launch(stereo_poses.copy_numbers, source.size, inputs, device, block_dim=BLOCK_DIM))
+        shared = [(right, name) for name in sorted(left.arrays.keys() - set(POSES))]
+        if setup.projector is not None:
+            shared.append((self._bindings[setup.projector.name], "near"))
+        for binding, name in shared:
+            inputs = [_numbers(each.arrays[name]) for each in (left, binding)]
+            stages.append(bind_launch(stereo_poses.copy_numbers, inputs[0].size, inputs, device, block_dim=BLOCK_DIM))
         return stages
 
     def _tail(self) -> list[list[list[Stage]]]:
