@@ -376,7 +376,7 @@ def test_frames_are_the_same_again(device: wp.Device) -> None:
     assert (first == first[:1]).all() and all(np.array_equal(first, other) for other in others)
 
 
-@pytest.mark.parametrize("samples", [0, 2, 3, 8, True, None, "4"])
+@pytest.mark.parametrize("samples", [0, 2, 3, 32, True, None, "4"])
 def test_other_numbers_are_refused(samples: object) -> None:
     with pytest.raises(wc.WarpcamError, match=r"antialiasing is .*; allowed are 1, 4"):
         camera(samples)  # type: ignore[arg-type]
