@@ -35,7 +35,8 @@ WARPCAM_DEVICE unsigned census_bits_at(CensusRows rows, int column, int across, 
 
 // Writes the word of a pixel (CUDA) or those of a row of pixels (CPU). The image goes on as its border.
 template <class Mask, class Matcher, class Images, class Words>
-WARPCAM_DEVICE void take_census(const Mask& mask, const Matcher& matcher, const Images& images, const Words& words, int index)
+WARPCAM_DEVICE void take_census(const Mask& mask, const Matcher& matcher, const Images& images, const Words& words,
+                                int index)
 {
     const int width = matcher.width, height = matcher.height, last = width - 1;
     const int radius_x = matcher.census_radius_x, radius_y = matcher.census_radius_y, contrast = matcher.contrast;

@@ -26,7 +26,8 @@ WARPCAM_DEVICE float least_between(int below, int least, int above, int is_equia
 
 // Writes the disparity of a pixel of the left image to `found`, between whole numbers, or NO_DISPARITY where another is
 // nearly as good or the window has no contrast; and that of the same pixel of the right image to `found_right`, a whole number.
-template <class Mask, class Matcher> WARPCAM_DEVICE void choose_disparities(const Mask& mask, const Matcher& matcher, int index)
+template <class Mask, class Matcher>
+WARPCAM_DEVICE void choose_disparities(const Mask& mask, const Matcher& matcher, int index)
 {
     const int width = matcher.width, disparities = matcher.disparities, pixels = width * matcher.height;
     const int world = index / pixels, column = index % pixels % width;

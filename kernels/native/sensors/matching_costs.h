@@ -51,7 +51,8 @@ template <class Function> WARPCAM_DEVICE void for_disparities(int member, int di
 }
 
 // Sums of Hamming distances along the rows of blocks, to `totals`. Rows go on as their ends.
-template <class Mask, class Matcher> WARPCAM_DEVICE void sum_matching_rows(const Mask& mask, const Matcher& matcher, int index)
+template <class Mask, class Matcher>
+WARPCAM_DEVICE void sum_matching_rows(const Mask& mask, const Matcher& matcher, int index)
 {
     const auto [world, row, member] = team_place(index, matcher.height);
     if (!mask.data[world])
@@ -82,7 +83,8 @@ template <class Mask, class Matcher> WARPCAM_DEVICE void sum_matching_rows(const
 }
 
 // Sums of `totals` down the columns of blocks, to `costs`. Columns go on as their ends.
-template <class Mask, class Matcher> WARPCAM_DEVICE void sum_matching_columns(const Mask& mask, const Matcher& matcher, int index)
+template <class Mask, class Matcher>
+WARPCAM_DEVICE void sum_matching_columns(const Mask& mask, const Matcher& matcher, int index)
 {
     const auto [world, column, member] = team_place(index, matcher.width);
     if (!mask.data[world])

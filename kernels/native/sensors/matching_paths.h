@@ -110,10 +110,10 @@ WARPCAM_DEVICE void add_matching_paths_of(const Matcher& matcher, int world, Mat
 {
     const int disparities = matcher.disparities;
     const size_t image = size_t(world) * matcher.width * matcher.height * disparities + lane * COUNT;
-    MatchingWalk<COUNT> walk { matcher.costs.data + image, matcher.totals.data + image,
-                               matcher.p1,                 matcher.p2,
-                               lane,                       lane * COUNT < disparities,
-                               (lane + 1) * COUNT >= disparities, is_first };
+    MatchingWalk<COUNT> walk {
+        matcher.costs.data + image, matcher.totals.data + image,       matcher.p1, matcher.p2, lane,
+        lane * COUNT < disparities, (lane + 1) * COUNT >= disparities, is_first
+    };
     const long long step = (long long)line.step * disparities, begin = (long long)line.first * disparities;
     walk.run(begin, step, line.count);
     walk.is_first_way = false;
@@ -123,9 +123,9 @@ WARPCAM_DEVICE void add_matching_paths_of(const Matcher& matcher, int world, Mat
 #else
 
 // The way along a line. Paths have a place more on either side, which none takes.
-template <class Matcher>
-WARPCAM_DEVICE void walk_matching_line(const Matcher& matcher, const unsigned short* costs, unsigned short* totals,
-                                       long long step, int pixels, bool is_first)
+template <class Matcher> WARPCAM_DEVICE void walk_matching_line(const Matcher& matcher, const unsigned short* costs,
+                                                                unsigned short* totals, long long step, int pixels,
+                                                                bool is_first)
 {
     using Cost = unsigned short;
     const int disparities = matcher.disparities;
