@@ -60,14 +60,16 @@ inline unsigned cones_that_meet(const Float3Int* cones, int count, Vec3 axis, fl
            & ((1u << count) - 1);
 }
 
-// A cone about all rays of a region, in the camera's frame.
+// A cone about all rays of a region, in the camera's frame; of lenses that are no tables it is not used.
 struct RegionCone {
     Vec3 axis;
     float cosine;  // of its half angle; -1: it is open all around
 };
 
-inline RegionCone region_cone(const Camera& camera, const Region& region)
+template <int LENS> inline RegionCone region_cone(const Camera& camera, const Region& region)
 {
+    if constexpr (LENS != RAYS)
+        return { { 0.0f, 0.0f, 0.0f }, -1.0f };
     const int across = region.width / TILE_WIDTH, down = region.height / TILE_HEIGHT;
     const Float3Int* const first = tile_cones(camera, region.left / TILE_WIDTH, region.top / TILE_HEIGHT);
     const auto for_each = [&](const auto& look) {

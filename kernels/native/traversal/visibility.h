@@ -55,9 +55,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
     const int total = shapes.drawn.shape[0];
 #if !defined(__CUDA_ARCH__)
     if constexpr (CAPACITY > FEW_SHAPES) {
-        RegionCone cone {};
-        if constexpr (LENS == RAYS)
-            cone = region_cone(camera, region);
+        const RegionCone cone = region_cone<LENS>(camera, region);
         for (; begin < total && list.count + SIMD_WIDTH <= CAPACITY; begin += SIMD_WIDTH)
             for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region, cone); some;
                  some &= some - 1)
