@@ -39,6 +39,7 @@ PYTHON_FLOORS = (
     ("warpcam",),
     ("warpcam.visualize",),
     ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
+    ("warpcam.train",),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),
     ("warpcam.__main__",),

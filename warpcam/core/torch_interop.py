@@ -1,6 +1,7 @@
 """Exchange of arrays between Warp and torch.
 
-No other module of the package imports torch, except the formulas of lenses, mjlab's front end and the command line.
+No other module of the package imports torch, except the formulas of lenses, mjlab's front end, training and the command
+line.
 """
 
 from collections.abc import Iterator, Sequence
