@@ -42,7 +42,7 @@ PYTHON_FLOORS = (
     ("warpcam.train",),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),
-    ("warpcam.__main__",),
+    ("warpcam.__main__", "warpcam.train.__main__"),
 )
 
 Uses = Mapping[str, Sequence[str]]

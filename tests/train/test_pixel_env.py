@@ -7,20 +7,11 @@ import warp as wp
 pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
 
 from gymnasium.vector import AutoresetMode
+from pixel_sliders import sliders
 from slider_env import END, HEIGHT, LONGEST, WIDTH, Sliders, renderer_of
 
 from warpcam.errors import WarpcamError
-from warpcam.train import Crop, Grey, ImageTransform, Normalize, PixelEnv
-
-
-def sliders(device: wp.Device, worlds: int = 4, stack: int = 1, live: bool = True) -> PixelEnv:
-    env = Sliders(worlds, AutoresetMode.DISABLED, device, tensors=not live)
-    env.live = live
-    transforms = {
-        "top_rgb": ImageTransform((Grey(), Normalize()), stack=stack),
-        "top_depth": ImageTransform((Normalize(3.0, 6.0),)),
-    }
-    return PixelEnv(env, renderer_of(env), transforms=transforms, state="state", forward=True)
+from warpcam.train import Crop, ImageTransform, PixelEnv
 
 
 def place_in(image: torch.Tensor) -> torch.Tensor:

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from warpcam.train.cartpole import CartPole
     from warpcam.train.images import Crop, Grey, ImageOperation, ImageTransform, Normalize, Resize
     from warpcam.train.pixel_env import PixelEnv, Step
+    from warpcam.train.recorder import Recorder
     from warpcam.train.rsl_rl import RslRlVecEnv
 
 _MODULES = {
@@ -20,6 +21,7 @@ _MODULES = {
     "ImageTransform": "images",
     "Normalize": "images",
     "PixelEnv": "pixel_env",
+    "Recorder": "recorder",
     "Resize": "images",
     "RslRlVecEnv": "rsl_rl",
     "Step": "pixel_env",
@@ -32,6 +34,7 @@ __all__ = [
     "ImageTransform",
     "Normalize",
     "PixelEnv",
+    "Recorder",
     "Resize",
     "RslRlVecEnv",
     "Step",

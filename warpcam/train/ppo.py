@@ -81,7 +81,7 @@ class Training:
 
     def __init__(
         self,
-        env: PixelEnv,
+        env: RslRlVecEnv,
         config: dict[str, Any],
         folder: Path | None = None,
         told: Callable[[int, float | None], None] | None = None,
@@ -92,7 +92,7 @@ class Training:
             folder.mkdir(parents=True, exist_ok=True)
         with self._quiet():
             self.runner = OnPolicyRunner(
-                RslRlVecEnv(env), config, log_dir=None if folder is None else str(folder), device=str(env.device)
+                env, config, log_dir=None if folder is None else str(folder), device=str(env.device)
             )
         logger, log = self.runner.logger, self.runner.logger.log
 
@@ -103,11 +103,17 @@ class Training:
 
         logger.log = followed
 
-    def learn(self, iterations: int) -> None:
-        """Learn, beginning with new episodes whose ages differ."""
+    def learn(self, iterations: int, spread: bool = True) -> None:
+        """Learn.
+
+        Args:
+            iterations: Each is a stretch of steps in all worlds, and what is learned of it.
+            spread: Begin with episodes of all ages, so that not all worlds end at one time. The env needs
+                ``episode_length_buf`` for it.
+        """
         self._env.reset()
         with self._quiet():
-            self.runner.learn(iterations, init_at_random_ep_len=True)
+            self.runner.learn(iterations, init_at_random_ep_len=spread)
 
     def policy(self) -> Policy:
         """Return the policy without its noise: from observations of a ``PixelEnv`` to actions."""
