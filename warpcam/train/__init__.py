@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from warpcam.train.pixel_env import PixelEnv, Step
     from warpcam.train.recorder import Recorder
     from warpcam.train.rsl_rl import RslRlVecEnv
+    from warpcam.train.skrl import SkrlEnv
+    from warpcam.train.stable_baselines3 import StableBaselines3VecEnv
 
 _MODULES = {
     "CartPole": "cartpole",
@@ -24,6 +26,8 @@ _MODULES = {
     "Recorder": "recorder",
     "Resize": "images",
     "RslRlVecEnv": "rsl_rl",
+    "SkrlEnv": "skrl",
+    "StableBaselines3VecEnv": "stable_baselines3",
     "Step": "pixel_env",
 }
 __all__ = [
@@ -37,6 +41,8 @@ __all__ = [
     "Recorder",
     "Resize",
     "RslRlVecEnv",
+    "SkrlEnv",
+    "StableBaselines3VecEnv",
     "Step",
 ]
 

@@ -66,7 +66,8 @@ class Recorder:
         self._episodes = episodes
         self._free: queue.SimpleQueue[Place] = queue.SimpleQueue()
         self._full: queue.SimpleQueue[tuple[Place, Any] | None] = queue.SimpleQueue()
-        self._made, self._shape, self._which = 0, (0, 0, 0), torch.empty(0)
+        self._made, self._which = 0, torch.empty(0)
+        self._shape: tuple[int, ...] = ()
         self._thread: threading.Thread | None = None
         self._fault: BaseException | None = None
         self._closed = False
@@ -98,7 +99,7 @@ class Recorder:
             begins.copy_(ended[self._worlds[0]], non_blocking=True)
         if images.is_cuda:
             chosen.copy_(images.index_select(0, self._which), non_blocking=True)
-            done = torch.cuda.Event()
+            done = torch.cuda.Event()  # type: ignore[no-untyped-call]
             done.record(torch.cuda.current_stream(images.device))
         else:
             torch.index_select(images, 0, self._which, out=chosen)
