@@ -71,7 +71,9 @@ def test_its_agent_learns(device: wp.Device) -> None:
     trainer = SequentialTrainer(
         env=env,
         agents=agent,
-        cfg=SequentialTrainerCfg(timesteps=2 * LONGEST + 2, headless=True, disable_progressbar=True),
+        cfg=SequentialTrainerCfg(
+            timesteps=2 * LONGEST + 2, headless=True, disable_progressbar=True, close_environment_at_exit=False
+        ),
     )
     trainer.train()
     after = list(models["policy"].parameters())

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from warpcam.train.rsl_rl import RslRlVecEnv
     from warpcam.train.skrl import SkrlEnv
     from warpcam.train.stable_baselines3 import StableBaselines3VecEnv
+    from warpcam.train.torchrl import TorchRLEnv
 
 _MODULES = {
     "CartPole": "cartpole",
@@ -29,6 +30,7 @@ _MODULES = {
     "SkrlEnv": "skrl",
     "StableBaselines3VecEnv": "stable_baselines3",
     "Step": "pixel_env",
+    "TorchRLEnv": "torchrl",
 }
 __all__ = [
     "CartPole",
@@ -44,6 +46,7 @@ __all__ = [
     "SkrlEnv",
     "StableBaselines3VecEnv",
     "Step",
+    "TorchRLEnv",
 ]
 
 
