@@ -1,6 +1,8 @@
 """Cart-pole from pixels: the env, and a policy that learns to balance within a minute on a CPU."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -109,6 +111,12 @@ def test_mistakes_are_named(
     assert cli.main(["train", "cartpole", "--device", "cpu", "--out", str(tmp_path / "run"), *arguments]) == 2
     assert f"warpcam: {message}" in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+def test_the_module_is_the_command(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "warpcam.train", "cartpole", "--worlds", "0"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=tmp_path)
+    assert done.returncode == 2 and done.stderr.endswith("warpcam: --worlds: 0 came, at least 1 is needed\n")
 
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,6 +98,38 @@ def test_the_loop_does_not_wait_for_the_encoder(
     assert len(read(tmp_path / "video.mp4")) == 4
 
 
+def test_ends_of_frames_that_are_left_out_are_ends(
+    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go, write = threading.Event(), imageio_ffmpeg.write_frames
+
+    def slow(*arguments: object, **options: object) -> object:
+        assert go.wait(60.0)
+        return write(*arguments, **options)
+
+    monkeypatch.setattr(imageio_ffmpeg, "write_frames", slow)
+    recorder = Recorder(tmp_path / "run.mp4", worlds=(0,), pending=2, episodes=lambda number: True)
+    ends = torch.ones(5, dtype=torch.bool, device=torch_interop.device_of(device))
+    recorder.add(images_of(device, 0))
+    recorder.add(images_of(device, 1))
+    with pytest.warns(UserWarning, match="frames are left out"):
+        recorder.add(images_of(device, 2), ends)
+    recorder.add(images_of(device, 3), ends)
+    go.set()
+    while len(list(tmp_path.iterdir())) < 1 or recorder._free.empty():
+        time.sleep(0.01)
+    recorder.add(images_of(device, 4))
+    recorder.close()
+    assert {path.name for path in tmp_path.iterdir()} == {"run-0.mp4", "run-2.mp4"}
+
+
+def test_an_error_of_the_choice_of_episodes_is_told(device: wp.Device, tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "run.mp4", worlds=(0,), episodes=lambda number: number < 1 / 0)
+    recorder.add(images_of(device, 0))
+    with pytest.raises(WarpcamError, match=r"run.mp4' could not be written: division by zero"):
+        recorder.close()
+
+
 def test_a_file_that_cannot_be_written_is_told_at_the_end(
     device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,7 +165,9 @@ def test_mistakes_are_named(tmp_path: Path) -> None:
     with pytest.raises(WarpcamError, match=r"Recorder: images must be \(world, height, width, 3\) uint8, got"):
         recorder.add(images.float())
     recorder.add(images)
-    with pytest.raises(WarpcamError, match=r"Recorder: images must stay \(2, 4, 4, 3\) on cpu, got \(3, 4, 4, 3\)"):
+    with pytest.raises(
+        WarpcamError, match=r"Recorder: images must stay \(2, 4, 4, 3\) uint8 on cpu, got \(3, 4, 4, 3\)"
+    ):
         recorder.add(torch.zeros((3, 4, 4, 3), dtype=torch.uint8))
     recorder.close()
     with pytest.raises(WarpcamError, match=r"Recorder: .*video.mp4' is closed"):

@@ -9,6 +9,7 @@ import warp as wp
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from warpcam.core import torch_interop
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 
@@ -86,6 +87,7 @@ class CartPole(VectorEnv):  # type: ignore[misc]
             self._position, self._velocity = wp.to_torch(self.data.qpos), wp.to_torch(self.data.qvel)
             self._control = wp.to_torch(self.data.ctrl)
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self._position.device)
+        self._spread = torch.tensor((0.1, 0.034), device=self._position.device)  # of places [m] and angles [rad]
         self._random = torch.Generator(self._position.device).manual_seed(seed)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
@@ -96,7 +98,7 @@ class CartPole(VectorEnv):  # type: ignore[misc]
         mask = torch.as_tensor((options or {}).get("reset_mask", torch.ones(self.num_envs, dtype=torch.bool)))
         mask = mask.to(device)
         start = torch.randn((2, *self._position.shape), generator=self._random, device=device)
-        place, speed = torch.tensor((0.1, 0.034), device=device) * start[0], 0.01 * start[1]
+        place, speed = self._spread * start[0], 0.01 * start[1]
         self._position.copy_(torch.where(mask[:, None], place, self._position))
         self._velocity.copy_(torch.where(mask[:, None], speed, self._velocity))
         self.episode_length_buf.masked_fill_(mask, 0)
@@ -106,7 +108,7 @@ class CartPole(VectorEnv):  # type: ignore[misc]
         """Push the carts."""
         force = torch.as_tensor(actions, device=self._control.device).clamp(-1.0, 1.0)
         self._control.copy_(force)
-        with wp.ScopedDevice(self._device):
+        with wp.ScopedDevice(self._device), torch_interop.in_order(self._device):
             mjw.step(self.model, self.data)
         self.episode_length_buf += 1
         fallen, late = self._position[:, 1].abs() > self._max_lean, self.episode_length_buf >= self.max_episode_length

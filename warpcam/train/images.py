@@ -221,7 +221,7 @@ class Frames:
                 part.copy_(frame)
             else:
                 mask = worlds.reshape(-1, *[1] * (part.ndim - 1))
-                part.copy_(torch.where(mask, frame.to(part.dtype), part))
+                torch.where(mask, frame.to(part.dtype), part, out=part)
         return self.now
 
     def _run(self, images: torch.Tensor) -> torch.Tensor:

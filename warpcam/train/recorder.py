@@ -1,10 +1,11 @@
 """Videos of chosen worlds as tiles, written by a thread while the loop goes on."""
 
+import contextlib
 import math
 import queue
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ except ImportError as error:
     ) from error
 
 GAP = 2  # between tiles [pixels]
-Place = tuple[torch.Tensor, torch.Tensor]  # on the host: images of one frame, and whether an episode begins with it
+Place = tuple[torch.Tensor, torch.Tensor]  # on the host: images of one frame, and the number of its episode
 
 
 class Recorder:
@@ -66,7 +67,7 @@ class Recorder:
         self._episodes = episodes
         self._free: queue.SimpleQueue[Place] = queue.SimpleQueue()
         self._full: queue.SimpleQueue[tuple[Place, Any] | None] = queue.SimpleQueue()
-        self._made, self._which = 0, torch.empty(0)
+        self._made, self._which, self._episode = 0, torch.empty(0), torch.empty(0)
         self._shape: tuple[int, ...] = ()
         self._thread: threading.Thread | None = None
         self._fault: BaseException | None = None
@@ -85,6 +86,8 @@ class Recorder:
         if self._thread is None:
             self._begin(images)
         self._check(images)
+        if ended is not None:
+            self._episode += ended[self._worlds[0]]
         place = self._place()
         if place is None:
             self.dropped += 1
@@ -93,10 +96,8 @@ class Recorder:
                     f"{self.path}: frames are left out, the encoder is {self._pending} frames behind", stacklevel=2
                 )
             return
-        done, (chosen, begins) = None, place
-        begins.fill_(False)
-        if ended is not None:
-            begins.copy_(ended[self._worlds[0]], non_blocking=True)
+        done, (chosen, episode) = None, place
+        episode.copy_(self._episode, non_blocking=images.is_cuda)
         if images.is_cuda:
             chosen.copy_(images.index_select(0, self._which), non_blocking=True)
             done = torch.cuda.Event()  # type: ignore[no-untyped-call]
@@ -129,7 +130,9 @@ class Recorder:
             )
         if max(self._worlds) >= len(images):
             raise WarpcamError(f"Recorder: worlds has {max(self._worlds)}, the images are of {len(images)} worlds")
-        self._shape, self._which = tuple(images.shape), torch.tensor(self._worlds, device=images.device)
+        with torch.inference_mode(False):
+            self._shape, self._which = tuple(images.shape), torch.tensor(self._worlds, device=images.device)
+            self._episode = torch.zeros((), dtype=torch.long, device=images.device)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -138,10 +141,10 @@ class Recorder:
         self._thread.start()
 
     def _check(self, images: torch.Tensor) -> None:
-        if tuple(images.shape) != self._shape or images.device != self._which.device:
+        if tuple(images.shape) != self._shape or images.dtype is not torch.uint8 or images.device != self._which.device:
             raise WarpcamError(
-                f"Recorder: images must stay {self._shape} on {self._which.device}, "
-                f"got {tuple(images.shape)} on {images.device}"
+                f"Recorder: images must stay {self._shape} uint8 on {self._which.device}, "
+                f"got {tuple(images.shape)} {images.dtype} on {images.device}"
             )
 
     def _place(self) -> Place | None:
@@ -155,24 +158,28 @@ class Recorder:
         with torch.inference_mode(False):
             pinned = self._which.is_cuda
             chosen = torch.empty((len(self._worlds), *self._shape[1:]), dtype=torch.uint8, pin_memory=pinned)
-            return chosen, torch.zeros((), dtype=torch.bool, pin_memory=pinned)
+            return chosen, torch.zeros((), dtype=torch.long, pin_memory=pinned)
 
     def _write(self) -> None:
         sheet = _Sheet(len(self._worlds), self._columns, self._shape[1], self._shape[2], self._scale)
         file = _File(self.path, self._fps, sheet.size, self._episodes)
         while (frame := self._full.get()) is not None:
-            (chosen, begins), done = frame
-            if self._fault is None:
-                try:
-                    if done is not None:
-                        done.synchronize()
-                    if begins.item():
-                        file.next_episode()
-                    file.add(sheet.draw(chosen.numpy()))
-                except Exception as error:  # told by close: the loop is not to end for a video
-                    self._fault = error
-            self._free.put((chosen, begins))
-        file.end()
+            (chosen, episode), done = frame
+            with self._kept_for_close():
+                if done is not None:
+                    done.synchronize()
+                file.add(chosen.numpy(), int(episode), sheet)
+            self._free.put((chosen, episode))
+        with self._kept_for_close():
+            file.end()
+
+    @contextlib.contextmanager
+    def _kept_for_close(self) -> Iterator[None]:
+        """Keep the first error for ``close``: the loop is not to end for a video."""
+        try:
+            yield
+        except Exception as error:
+            self._fault = self._fault or error
 
 
 class _File:
@@ -180,30 +187,27 @@ class _File:
 
     def __init__(self, path: Path, fps: float, size: tuple[int, int], episodes: Callable[[int], bool] | None):
         self._path, self._fps, self._size, self._episodes = path, fps, size, episodes
-        self._episode = 0
+        self._episode, self._wanted = -1, False
         self._writer: Any = None
-        self._wanted = episodes is None or episodes(0)
 
-    def next_episode(self) -> None:
+    def add(self, images: np.ndarray, episode: int, sheet: "_Sheet") -> None:
         if self._episodes is None:
-            return
-        self.end()
-        self._episode += 1
-        self._wanted = self._episodes(self._episode)
-
-    def add(self, picture: np.ndarray) -> None:
+            episode = 0
+        if episode != self._episode:
+            self.end()
+            self._episode, self._wanted = episode, self._episodes is None or self._episodes(episode)
         if not self._wanted:
             return
         if self._writer is None:
             path = self._path
             if self._episodes is not None:
-                path = path.with_stem(f"{path.stem}-{self._episode}")
+                path = path.with_stem(f"{path.stem}-{episode}")
             writer = imageio_ffmpeg.write_frames(
                 str(path), self._size, fps=self._fps, macro_block_size=1, quality=7, ffmpeg_log_level="error"
             )
             writer.send(None)
             self._writer = writer
-        self._writer.send(picture)
+        self._writer.send(sheet.draw(images))
 
     def end(self) -> None:
         writer, self._writer = self._writer, None

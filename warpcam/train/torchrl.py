@@ -35,7 +35,8 @@ class TorchRLEnv(EnvBase):  # type: ignore[misc]
         if not isinstance(env, PixelEnv):
             raise WarpcamError(f"TorchRLEnv: env must be a PixelEnv, got {type(env).__name__}")
         super().__init__(device=env.device, batch_size=[env.num_envs])
-        self._env, self._next_seed = env, None
+        self._env = env
+        self._next_seed: int | None = None
         self._begun = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
         worlds, device = (env.num_envs,), env.device
         groups = {group: _spec(value) for group, value in env.observations.items()}
