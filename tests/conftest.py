@@ -1,5 +1,6 @@
 """Fixtures of every test: the devices there are, and the helpers in tests/helpers."""
 
+import contextlib
 import ctypes.util
 import gc
 import os
@@ -20,6 +21,9 @@ if ctypes.util.find_library("OSMesa"):
 elif sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "disable")
 sys.path.append(str(Path(__file__).parent / "helpers"))
+# Triton, which libraries of learning import, crashes if Mesa has loaded its own LLVM before.
+with contextlib.suppress(ImportError):
+    import triton  # noqa: F401
 
 import fast_compile
 import pytest

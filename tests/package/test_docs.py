@@ -183,6 +183,12 @@ def vector_env() -> Names:
     return {"MyVectorEnv": MyVectorEnv}
 
 
+def training() -> Names:
+    for name in ("gymnasium", "rsl_rl", "imageio_ffmpeg"):
+        pytest.importorskip(name, reason="pip install 'warpcam[train]'")
+    return {}
+
+
 def gym_pictures() -> Names:
     pytest.importorskip("gymnasium")
     pytest.importorskip("moviepy")
@@ -222,6 +228,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/sensors_color.md": memory,
     "docs/sensors_depth.md": simulated,
     "docs/sensors_stereo.md": simulated,
+    "docs/training.md": training,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,

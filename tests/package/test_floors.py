@@ -39,9 +39,10 @@ PYTHON_FLOORS = (
     ("warpcam",),
     ("warpcam.visualize",),
     ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
+    ("warpcam.train",),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),
-    ("warpcam.__main__",),
+    ("warpcam.__main__", "warpcam.train.__main__"),
 )
 
 Uses = Mapping[str, Sequence[str]]

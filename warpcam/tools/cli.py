@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it, ``bench``, ``doctor`` and ``cache``."""
+"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it, ``train``, ``bench``, ``doctor``, ``cache``."""
 
 import argparse
 import re
@@ -26,6 +26,8 @@ from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import doctor
 from warpcam.tools.demo_simulation import Simulation
+from warpcam.train import options as training
+from warpcam.train import run as train
 
 FREE_CAMERA = "free"
 TIMING = 1.0  # how long frames are counted at most, after the first one [s]
@@ -86,6 +88,10 @@ def _parser() -> argparse.ArgumentParser:
     bench = commands.add_parser("bench", help=benchmarks.ABOUT)
     bench.set_defaults(command=run.run)
     benchmarks.add(bench)
+
+    learn = commands.add_parser("train", help=training.ABOUT)
+    learn.set_defaults(command=train.run)
+    training.add(learn)
 
     about = "print what is where on this machine, and render a small scene on every device; 1 if one fails"
     examined = commands.add_parser("doctor", help=about, description=about)

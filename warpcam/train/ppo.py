@@ -1,0 +1,174 @@
+"""PPO of rsl_rl for policies that see images: settings, training, evaluation."""
+
+import contextlib
+import statistics
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from warpcam.core.errors import WarpcamError
+from warpcam.train.pixel_env import PixelEnv
+from warpcam.train.rsl_rl import RslRlVecEnv
+
+try:
+    from rsl_rl.runners import OnPolicyRunner
+except ImportError as error:
+    raise WarpcamError(
+        f"{error.name} is not installed, and warpcam.train.ppo needs it: pip install 'warpcam[train]'"
+    ) from error
+
+Policy = Callable[[dict[str, torch.Tensor]], torch.Tensor]
+
+
+def settings(
+    actor: Sequence[str], critic: Sequence[str], *, images: bool = False, seed: int = 0, **ppo: Any
+) -> dict[str, Any]:
+    """Settings of a runner of rsl_rl, of a size for images of 32 to 96 pixels.
+
+    Args:
+        actor: Groups of observations that the policy sees, among them images.
+        critic: Groups that the critic sees.
+        images: Whether images are among those of the critic.
+        seed: Of weights and actions.
+        ppo: Settings of PPO other than these, and ``num_steps_per_env``.
+    """
+    convolutions = {
+        "output_channels": [16, 32],
+        "kernel_size": [5, 3],
+        "stride": [2, 2],
+        "activation": "elu",
+    }
+    model = {"class_name": "CNNModel", "hidden_dims": [128, 64], "activation": "elu", "cnn_cfg": convolutions}
+    plain = {"class_name": "MLPModel", "hidden_dims": [128, 64], "activation": "elu", "obs_normalization": True}
+    return {
+        "seed": seed,
+        "num_steps_per_env": ppo.pop("num_steps_per_env", 16),
+        "save_interval": 50,
+        "obs_groups": {"actor": list(actor), "critic": list(critic)},
+        "actor": {**model, "distribution_cfg": {"class_name": "GaussianDistribution", "init_std": 0.6}},
+        "critic": dict(model) if images else plain,
+        "algorithm": {
+            "class_name": "PPO",
+            "learning_rate": 1e-3,
+            "schedule": "adaptive",
+            "desired_kl": 0.02,
+            "gamma": 0.98,
+            "lam": 0.95,
+            "entropy_coef": 0.002,
+            "clip_param": 0.2,
+            "num_learning_epochs": 3,
+            "num_mini_batches": 4,
+            "value_loss_coef": 1.0,
+            "use_clipped_value_loss": True,
+            "max_grad_norm": 1.0,
+            **ppo,
+        },
+    }
+
+
+class Training:
+    """A runner of rsl_rl that tells how it goes.
+
+    Args:
+        env: What is learned in.
+        config: See ``settings``.
+        folder: Of TensorBoard logs and checkpoints ``model_*.pt``; None writes nothing.
+        told: Called after each iteration with its number and the mean return of the last 100 episodes, None before the
+            first episode has ended.
+    """
+
+    def __init__(
+        self,
+        env: RslRlVecEnv,
+        config: dict[str, Any],
+        folder: Path | None = None,
+        told: Callable[[int, float | None], None] | None = None,
+    ):
+        torch.manual_seed(config["seed"])
+        self._env, self._log = env, None if folder is None else folder / "rsl_rl.log"
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+        with self._quiet():
+            self.runner = OnPolicyRunner(
+                env, config, log_dir=None if folder is None else str(folder), device=str(env.device)
+            )
+        logger, log = self.runner.logger, self.runner.logger.log
+
+        def followed(**values: Any) -> None:
+            log(**values)
+            if told is not None:
+                told(values["it"], statistics.mean(logger.rewbuffer) if logger.rewbuffer else None)
+
+        logger.log = followed
+
+    def learn(self, iterations: int, spread: bool = True) -> None:
+        """Learn.
+
+        Args:
+            iterations: Each is a stretch of steps in all worlds, and what is learned of it.
+            spread: Begin with episodes of all ages, so that not all worlds end at one time. The env needs
+                ``episode_length_buf`` for it.
+        """
+        self._env.reset()
+        with self._quiet():
+            self.runner.learn(iterations, init_at_random_ep_len=spread)
+
+    def policy(self) -> Policy:
+        """Return the policy without its noise: from observations of a ``PixelEnv`` to actions."""
+        model = self.runner.get_inference_policy(device=str(self._env.device))
+
+        def act(observations: dict[str, torch.Tensor]) -> torch.Tensor:
+            with torch.inference_mode():
+                return model(observations)
+
+        return act
+
+    @contextlib.contextmanager
+    def _quiet(self) -> Any:
+        """Send what rsl_rl prints to its log, or nowhere."""
+        with contextlib.ExitStack() as stack:
+            out = None if self._log is None else stack.enter_context(self._log.open("a"))
+            stack.enter_context(contextlib.redirect_stdout(out))
+            yield
+
+
+def random_policy(env: PixelEnv, seed: int = 0) -> Policy:
+    """Return a policy that draws every action from all that are allowed, each as likely as any other."""
+    random = torch.Generator(env.device).manual_seed(seed)
+    low, high = (
+        torch.as_tensor(bound, dtype=torch.float32, device=env.device)
+        for bound in (env.single_action_space.low, env.single_action_space.high)
+    )
+
+    def act(observations: dict[str, torch.Tensor]) -> torch.Tensor:
+        share = torch.rand((env.num_envs, env.num_actions), generator=random, device=env.device)
+        return low + (high - low) * share
+
+    return act
+
+
+def mean_return(
+    env: PixelEnv, policy: Policy, steps: int, seed: int = 0, after: Callable[[], None] | None = None
+) -> float:
+    """Mean over the worlds of the rewards of their first episode, or of its first steps.
+
+    Args:
+        env: Where to act.
+        policy: Acts.
+        steps: At most.
+        seed: Of the first states.
+        after: Called after the reset and after each step.
+    """
+    observations = env.reset(seed=seed)
+    returns = torch.zeros(env.num_envs, device=env.device)
+    running = torch.ones(env.num_envs, dtype=torch.bool, device=env.device)
+    for _ in range(steps):
+        if after is not None:
+            after()
+        step = env.step(policy(observations))
+        returns += step.rewards * running
+        running &= ~step.ended
+        observations = step.observations
+    return returns.mean().item()
