@@ -22,8 +22,17 @@ from warpcam.sources.mujoco import model as mujoco_model
 from warpcam.sources.mujoco import written
 
 PAST = ("flow", "flow_valid")  # outputs of more than one state
-DERIVED = ("geom_pos", "geom_quat", "site_pos", "site_quat", "cam_pos", "cam_quat", "cam_mat0", "cam_pos0")
-DERIVED += ("cam_poscom0", "light_pos", "light_dir", "light_dir0", "light_pos0", "light_poscom0")
+# Fields of a model that poses of other things than bodies follow from.
+PLACES = frozenset(
+    f"{kind}_{name}"
+    for kind, names in {
+        "geom": ("pos", "quat"),
+        "site": ("pos", "quat"),
+        "cam": ("pos", "quat", "mat0", "pos0", "poscom0"),
+        "light": ("pos", "dir", "dir0", "pos0", "poscom0"),
+    }.items()
+    for name in names
+)
 CAMERA_ARRAYS = {"position": 3, "rotation": 4}
 
 Images = dict[str | int, dict[str, jax.Array]]
@@ -166,7 +175,7 @@ class Renderer:
         """Fields of a model that are not the host's."""
         if model is None:
             return {}
-        known = {*self._fields, *DERIVED}
+        known = {*self._fields, *PLACES}
         found = state.read(model, "model", known, known)
         return {name: array for name, array in found.items() if state.differs(array, getattr(self._mjm, name))}
 

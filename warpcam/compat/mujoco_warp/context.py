@@ -1,7 +1,7 @@
 """Contents of a context, and the render calls that fill its images."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -215,24 +215,7 @@ class _Bound:
                 f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "
                 "Warp's current device when it was made; both must be on one"
             )
-        # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
-        plain = None if context.render_skybox else [int(255.0 * part) / 255.0 for part in settings["background_color"]]
-        color = "rgb" if plain is None or context._miss_alpha == packing.OPAQUE else "rgba"
-        views, far = [view for view in context.views if view.outputs], farthest_of(mjm)
-        cameras = [
-            wc.Camera(
-                view.camera,
-                width=view.size[0],
-                height=view.size[1],
-                outputs=[color if name == "rgb" else name for name in view.outputs],
-                far=far,
-                depth_clipping="zero",
-                shadows=bool(settings["use_shadows"]),
-                antialiasing=settings["samples_per_pixel"] ** 2 if "rgb" in view.outputs else 1,
-                background=plain if plain is None else (plain[0], plain[1], plain[2]),
-            )
-            for view in views
-        ]
+        cameras, color = cameras_of(context.views, mjm, settings)
         self.renderer = wc.Renderer(scene, cameras) if cameras else None
         self._stages = self._pack(context, color, scene) if self.renderer is not None else []
         for stage in self._stages:
@@ -264,6 +247,33 @@ class _Bound:
                 else:
                     stages.append(packing.bind_objects(image, objects, context.seg_data, start, device))
         return stages
+
+
+def cameras_of(
+    views: Sequence[View], mjm: mujoco.MjModel, settings: Mapping[str, Any]
+) -> tuple[list[wc.Camera], str]:
+    """The cameras that have images, and the output that is their colour."""
+    # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
+    skybox = settings["render_skybox"] and has_skybox(mjm)
+    *parts, alpha = (int(255.0 * value) / 255.0 for value in settings["background_color"])
+    plain = None if skybox else (parts[0], parts[1], parts[2])
+    color, far = "rgb" if plain is None or alpha == 1.0 else "rgba", farthest_of(mjm)
+    cameras = [
+        wc.Camera(
+            view.camera,
+            width=view.size[0],
+            height=view.size[1],
+            outputs=[color if name == "rgb" else name for name in view.outputs],
+            far=far,
+            depth_clipping="zero",
+            shadows=bool(settings["use_shadows"]),
+            antialiasing=settings["samples_per_pixel"] ** 2 if "rgb" in view.outputs else 1,
+            background=plain,
+        )
+        for view in views
+        if view.outputs
+    ]
+    return cameras, color
 
 
 def farthest_of(mjm: mujoco.MjModel) -> float | None:
@@ -316,7 +326,12 @@ class CameraSettings:
 
 def camera_settings_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, CameraSettings | None]:
     """The models to read: the user's own unless the settings leave out some of their looks."""
-    settings, mjm = context._settings, context._mjm
+    mjm, blank = without_looks(context._mjm, context._settings)
+    return mjm, CameraSettings(m, blank) if blank else None
+
+
+def without_looks(mjm: mujoco.MjModel, settings: Mapping[str, Any]) -> tuple[mujoco.MjModel, dict[str, int]]:
+    """The host's model with another headlight if the settings ask for it, and what fields of a model are to be."""
     blank: dict[str, int] = {}
     colors = []
     if not settings["use_textures"]:
@@ -337,4 +352,4 @@ def camera_settings_of(context: RenderContext, m: Any) -> tuple[mujoco.MjModel, 
             headlight.active, colors = 1, ["ambient", "diffuse", "specular"]
         for name in colors:
             getattr(headlight, name)[:] = 0.0
-    return mjm, CameraSettings(m, blank) if blank else None
+    return mjm, blank
