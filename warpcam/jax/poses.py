@@ -26,7 +26,7 @@ def rotation_matrix(quaternions: Any) -> Any:
 
 
 def pose_of(name: str, mjm: mujoco.MjModel, state: Arrays, fields: Arrays) -> Any:
-    """The array of that name, computed from those of bodies.
+    """The array of that name, computed from those of bodies if the state lacks it.
 
     Args:
         name: MuJoCo's: ``geom_xpos``, ``light_xdir``, ``xmat`` and the like.
@@ -38,12 +38,14 @@ def pose_of(name: str, mjm: mujoco.MjModel, state: Arrays, fields: Arrays) -> An
     Returns:
         (..., row, 3) or (..., row, 3, 3); None if it does not follow from bodies.
     """
+    if name in state:
+        return state[name]
     if name == "xmat":
         return rotation_matrix(state["xquat"]) if "xquat" in state else None
     kind = KINDS.get(name[: name.find("_") + 1])
     if kind is None or "xpos" not in state:
         return None
-    rotations = state["xmat"] if "xmat" in state else pose_of("xmat", mjm, state, fields)
+    rotations = pose_of("xmat", mjm, state, fields)
     if rotations is None:
         return None
     frames = _Frames(kind, mjm, {**state, "xmat": rotations}, fields)

@@ -17,7 +17,10 @@ from warpcam.jax import poses, primitive, state
 from warpcam.jax.calls import Calls
 from warpcam.jax.drawing import MODEL_FIELDS, Input, Recipe
 from warpcam.kernels.outputs import OUTPUTS
+from warpcam.render.memory import cameras_by_key
 from warpcam.scene.layers import check_planes
+from warpcam.scene.source import SceneDescription
+from warpcam.scene.validation import find_body, find_index
 from warpcam.sources.mujoco import model as mujoco_model
 from warpcam.sources.mujoco import written
 
@@ -78,9 +81,10 @@ class Renderer:
         mujoco_model.check_model(model, "model")
         if worlds is not None and (not isinstance(worlds, int | np.integer) or isinstance(worlds, bool) or worlds < 1):
             raise WarpcamError(f"warpcam.jax.Renderer: worlds must be a whole number from 1 on or None, got {worlds!r}")
+        self._cameras = cameras_by_key(cameras)
         for camera in cameras:
             for name in PAST:
-                if isinstance(camera, Camera) and name in camera.outputs:
+                if name in camera.outputs:
                     raise WarpcamError(
                         f"{camera.where}: outputs has {name!r}, which needs the frame before; images of "
                         "warpcam.jax.Renderer follow from one state"
@@ -95,8 +99,8 @@ class Renderer:
         self._mjm = copy.copy(model)
         recipe = Recipe(self._mjm, tuple(cameras), options, graph)
         self._calls = Calls(recipe, None if worlds is None else int(worlds), self._resolved(device))
-        self._cameras = {camera.name: camera for camera in recipe.cameras}
-        arrays = written.arrays_of(self._mjm, options)
+        parts, arrays = written.describe(self._mjm, options)
+        self._check_places(parts)
         self._state = {name: Input(name, *arrays[name]) for name in arrays if name not in MODEL_FIELDS}
         self._fields = {name: Input(name, *arrays[name]) for name in arrays if name in MODEL_FIELDS}
         self._read = self._needed()
@@ -154,10 +158,11 @@ class Renderer:
         found = state.read(data, "data", known, known)
         for name, shape in state.BODIES.items():
             if name in found:
+                found[name] = self._flat(found[name], self._state[name]) if name in self._state else found[name]
                 state.leading(found[name], (self._mjm.nbody, *shape), name)
         given: dict[Input, Any] = {}
         for name in self._read:
-            array = found[name] if name in found else poses.pose_of(name, self._mjm, found, fields)
+            array = poses.pose_of(name, self._mjm, found, fields)
             if array is None:
                 raise WarpcamError(
                     f"render: data has no {name}, which is drawn with, and no xpos and xquat that it follows from"
@@ -192,6 +197,15 @@ class Renderer:
                 each = Input(name, wp.float32, (CAMERA_ARRAYS[name],), key)
                 moved[each] = state.numbers(array, each.scalar, name)
         return moved
+
+    def _check_places(self, parts: SceneDescription) -> None:
+        """Raise for cameras and bodies that the model has not."""
+        names = tuple(camera.name for camera in parts.cameras)
+        for camera in self._cameras.values():
+            if not camera.is_own:
+                find_index(camera.name, names, "Renderer: cameras", "camera")
+            elif camera.parent is not None:
+                find_body(parts, camera.parent, f"{camera.where}: parent")
 
     def _flat(self, array: Any, each: Input) -> Any:
         """Rows that hold several elements, as those of ``wrap_xpos``, one by one; 9 numbers as a matrix."""

@@ -95,6 +95,11 @@ def check_cameras(scene: Any, cameras: Any) -> Mapping[str | int, Camera]:
     """The cameras by their keys, or the error that says what is wrong with them."""
     if not isinstance(scene, Scene):
         raise WarpcamError(f"Renderer: scene must be made by from_mujoco_warp or the like, got {type(scene).__name__}")
+    return cameras_by_key(cameras)
+
+
+def cameras_by_key(cameras: Any) -> Mapping[str | int, Camera]:
+    """The cameras by their names, or the error that says what is wrong with them."""
     if not isinstance(cameras, Sequence) or not all(isinstance(camera, Camera) for camera in cameras):
         raise WarpcamError(f"Renderer: cameras must be a sequence of Camera, got {cameras!r}")
     by_key: dict[str | int, Camera] = {}

@@ -11,7 +11,7 @@ import warp as wp
 from warpcam.core.errors import WarpcamError
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
-from warpcam.scene.source import LIVE_ARRAYS
+from warpcam.scene.source import LIVE_ARRAYS, SceneDescription
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
 from warpcam.sources.mujoco.shape_tables import DTYPES, ModelSource, VisualGeomArrays, names_of
@@ -118,13 +118,14 @@ def load(mjm: mujoco.MjModel, num_worlds: int, device: wp.Device, **options: Any
     return Scene(source), source.written
 
 
-def arrays_of(mjm: mujoco.MjModel, options: Mapping[str, Any]) -> dict[str, tuple[Any, tuple[int, ...]]]:
-    """Warp's dtype and the shape, in elements, of each array of one world that can be written, by MuJoCo's names."""
+def describe(
+    mjm: mujoco.MjModel, options: Mapping[str, Any]
+) -> tuple[SceneDescription, dict[str, tuple[Any, tuple[int, ...]]]]:
+    """The scene's parts, and Warp's dtype and the shape of one world's elements of each array, by MuJoCo's names."""
     parts = model.read_description(mjm, 1, options["groups"])
     _, extras = with_visual_geoms(parts, mjm, options["groups"], check_kinds(options["draw"]))
-    mjd = mujoco.MjData(mjm)
-    arrays = {}
+    mjd, arrays = mujoco.MjData(mjm), {}
     for field, name in {**data_names(extras), **model.MODEL_NAMES}.items():
-        values, dtype = np.asarray(getattr(mjm if field in model.MODEL_NAMES else mjd, name)), dtype_of(field)
-        arrays[name] = dtype, shape_of(field, values)
-    return arrays
+        values = np.asarray(getattr(mjm if field in model.MODEL_NAMES else mjd, name))
+        arrays[name] = dtype_of(field), shape_of(field, values)
+    return parts, arrays
