@@ -129,6 +129,7 @@ def main() -> None:
             cnn_output_channels=(8, 16),
             cnn_kernel_size=(5, 3),
             cnn_stride=(2, 2),
+            cnn_global_pool="none",  # a mean over the image would not say where the pole is
         ),
         progress_fn=tell,
     )

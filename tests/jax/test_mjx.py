@@ -38,7 +38,7 @@ def forwarded(mjm: Any, impl: str) -> tuple[Any, Any]:
 @pytest.mark.parametrize("impl", ["jax", "warp"])
 def test_data_of_mjx_is_drawn_as_the_plain_renderer_draws_these_poses(impl: str) -> None:
     mjm, looks = model(), cameras("rgb", "depth", "segmentation")
-    mx, data = forwarded(mjm, impl)
+    _, data = forwarded(mjm, impl)
     images = jax.jit(jax.vmap(Renderer(mjm, looks)))(data)
     mjds = states(mjm)
     for world, mjd in enumerate(mjds):
@@ -77,5 +77,5 @@ def test_a_model_that_domain_randomisation_has_varied(impl: str) -> None:
 
 def test_what_is_no_model_is_told() -> None:
     mjm = model()
-    with pytest.raises(WarpcamError, match="model must be an mjx.Model or a mapping of arrays .* got float"):
+    with pytest.raises(WarpcamError, match=r"model must be an mjx.Model or a mapping of arrays .* got float"):
         Renderer(mjm, cameras())(jax_states.arrays(states(mjm)), 1.0)

@@ -61,7 +61,11 @@ def test_poses_are_mujocos(rotations: str) -> None:
 
 def test_places_of_the_model_count() -> None:
     mjm = scene()
-    fields = {"cam_pos": mjm.cam_pos + 0.1, "light_dir": mjm.light_dir + (0.3, 0.0, 0.0), "geom_pos": mjm.geom_pos - 0.1}
+    fields = {
+        "cam_pos": mjm.cam_pos + 0.1,
+        "light_dir": mjm.light_dir + np.array((0.3, 0.0, 0.0)),
+        "geom_pos": mjm.geom_pos - 0.1,
+    }
     mjd, varied = moved(mjm), scene()
     for name, values in fields.items():
         getattr(varied, name)[:] = values

@@ -34,6 +34,7 @@ PYTHON_FLOORS = (
     ("warpcam.scene",),
     ("warpcam.render", "warpcam.sources"),
     ("warpcam.sensors",),
+    ("warpcam.jax",),
     ("warpcam.randomize",),
     ("warpcam.load",),
     ("warpcam",),

@@ -6,6 +6,7 @@
 
 import copy
 import inspect
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -213,7 +214,7 @@ def get_depth(rc: Any, cam_id: int, depth_data: jax.Array, depth_scale: float) -
     """Depth of a camera as float32 (..., height, width, 1): 1 is ``depth_scale`` [m] and all beyond it."""
     if not _is_ours(rc, "get_depth"):
         return _original["get_depth"](rc, cam_id, depth_data, depth_scale)
-    if real(depth_scale) is None and not isinstance(depth_scale, jax.Array):
+    if not isinstance(depth_scale, jax.Array) and math.isnan(real(depth_scale)):
         raise WarpcamError(f"get_depth: depth_scale must be a number [m], got {depth_scale!r}")
     row = _cut(rc.context, "get_depth", "depth", cam_id, depth_data)
     return jnp.clip(row / depth_scale, 0.0, 1.0)[..., None]
@@ -243,6 +244,10 @@ def _cut(context: RenderContext, where: str, output: str, camera: Any, rows: jax
     start, view = context.starts[output][camera], context.views[camera]
     if start < 0:
         raise WarpcamError(f"{where}: camera {camera} of this context renders {', '.join(view.outputs) or 'nothing'}")
+    whole = max(one.pixels + begin for one, begin in zip(context.views, context.starts[output], strict=True))
+    if rows.shape[-1:] != (whole,):
+        name = {"rgb": "rgb_data", "depth": "depth_data", "segmentation": "seg_data"}[output]
+        raise WarpcamError(f"{where}: {name} must be (..., {whole}), got {rows.shape}")
     width, height = view.size
     image = jax.lax.slice_in_dim(rows, start, start + view.pixels, axis=rows.ndim - 1)
     return image.reshape(*rows.shape[:-1], height, width)
@@ -253,4 +258,4 @@ def _groups(groups: Sequence[int]) -> dict[str, list[int]]:
     wrong = [group for group in groups if not 0 <= group < 6]
     if wrong:
         raise WarpcamError(f"create_render_context: enabled_geom_groups must be from 0 to 5, got {wrong[0]}")
-    return dict.fromkeys(("geoms", "sites", "tendons", "flexes", "skins"), list(groups))
+    return {kind: list(groups) for kind in ("geoms", "sites", "tendons", "flexes", "skins")}

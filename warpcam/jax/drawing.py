@@ -86,7 +86,9 @@ class Drawing:
     """A renderer, the arrays that it reads, and the images that it writes: on one device."""
 
     @preserve_cuda_context()
-    def __init__(self, recipe: Recipe, num_worlds: int, inputs: Sequence[Input], rows: Sequence[int], device: wp.Device):
+    def __init__(
+        self, recipe: Recipe, num_worlds: int, inputs: Sequence[Input], rows: Sequence[int], device: wp.Device
+    ):
         varied = [each.name for each, count in zip(inputs, rows, strict=True) if each.is_shared and count > 1]
         scene, arrays = written.load(recipe.mjm, num_worlds, device, varied=varied, **recipe.options)
         self.renderer = Renderer(scene, recipe.cameras, graph=recipe.graph)

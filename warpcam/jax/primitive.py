@@ -5,7 +5,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import warp as wp
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
@@ -47,7 +46,9 @@ def _lower(context: Any, *arrays: Any, calls: Calls, inputs: tuple[Input, ...]) 
 def _more_worlds(arrays: Any, axes: Any, *, calls: Calls, inputs: tuple[Input, ...]) -> Any:
     """One call for the worlds of all instances: of each instance in turn all there were."""
     size = next(array.shape[axis] for array, axis in zip(arrays, axes, strict=True) if axis is not None)
-    batched = [array if axis is None else jnp.moveaxis(array, axis, 0) for array, axis in zip(arrays, axes, strict=True)]
+    batched = [
+        array if axis is None else jnp.moveaxis(array, axis, 0) for array, axis in zip(arrays, axes, strict=True)
+    ]
     worlds = max(array.shape[int(axis is not None)] for array, axis in zip(batched, axes, strict=True))
     given = []
     for array, axis, each in zip(batched, axes, inputs, strict=True):

@@ -249,9 +249,7 @@ class _Bound:
         return stages
 
 
-def cameras_of(
-    views: Sequence[View], mjm: mujoco.MjModel, settings: Mapping[str, Any]
-) -> tuple[list[wc.Camera], str]:
+def cameras_of(views: Sequence[View], mjm: mujoco.MjModel, settings: Mapping[str, Any]) -> tuple[list[wc.Camera], str]:
     """The cameras that have images, and the output that is their colour."""
     # As context.background_color has it, which a pixel is compared with: cut, where a camera's own is rounded.
     skybox = settings["render_skybox"] and has_skybox(mjm)

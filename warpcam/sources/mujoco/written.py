@@ -17,7 +17,6 @@ from warpcam.sources.mujoco.layers import with_layers
 from warpcam.sources.mujoco.shape_tables import DTYPES, ModelSource, VisualGeomArrays, names_of
 from warpcam.sources.mujoco.visual_geoms import VisualGeoms, check_kinds, with_visual_geoms
 
-
 ELEMENTS: Mapping[Any, tuple[int, ...]] = {wp.vec2: (2,), wp.vec3: (3,), wp.vec4: (4,), wp.mat33: (3, 3)}
 
 
