@@ -189,6 +189,11 @@ def training() -> Names:
     return {}
 
 
+def in_jax() -> Names:
+    pytest.importorskip("jax", reason="pip install 'warpcam[jax]'")
+    return simulated()
+
+
 def gym_pictures() -> Names:
     pytest.importorskip("gymnasium")
     pytest.importorskip("moviepy")
@@ -216,6 +221,7 @@ def isaac_gym() -> Names:
 PAGES: dict[str, Callable[[], Names]] = {
     "README.md": simulated,
     "docs/cameras.md": cameras,
+    "docs/jax.md": in_jax,
     "docs/memory.md": memory,
     "docs/newton.md": newton,
     "docs/outputs.md": outputs,

@@ -117,6 +117,14 @@ def test_gymnasium_cartpole(tmp_path: Path) -> None:
     assert float(lean) > 0.3
 
 
+def test_jax_cartpole(tmp_path: Path) -> None:
+    for name in ("jax", "mujoco.mjx", "brax"):
+        pytest.importorskip(name, reason="pip install 'warpcam[jax]' mujoco-mjx brax", exc_type=ImportError)
+    options = ("--worlds", "8", "--steps", "128", "--evaluations", "2")
+    printed = run(QUICK, str(EXAMPLES / "jax_cartpole.py"), *options, folder=tmp_path)
+    assert len(re.findall(r"steps, .* mean return [\d.]+", printed)) == 2
+
+
 def test_formats_are_rendered_as_the_readme_shows(tmp_path: Path) -> None:
     pytest.importorskip("pxr.Usd")
     pytest.importorskip("trimesh")
