@@ -29,7 +29,7 @@ SETTINGS = ("8192x64", "4096x64", "1024x64", "1024x128", "1024x256", "1x640x480"
 SUITE_SETTINGS = ("1024x64", "1024x128", "1024x256")  # of --suite and --scene
 SUITE_OUTPUTS = ("ds", "rgb", "rgb-shadows")
 HALVES = ("tuning", "held-out", "all")  # of the generated scenes
-SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights")
+SWEEPS = ("worlds", "pixels", "shapes", "faces", "lights", "samples")
 MORE = ("smooth", "reflections", "transparency")  # of rgb: rgb-smooth, ...
 
 # Which options each kind of run takes beside its own.

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -37,12 +38,18 @@ def lights_point(count: int) -> Point:
     return case, Setting("sweep", 1024, 64, 64), [COMMON["rgb-shadows"]]
 
 
+def samples_point(count: int) -> Point:
+    wanted = replace(COMMON["rgb-shadows"], antialiasing=count, by_peers=False)
+    return CASES["humanoid"], Setting("sweep", 1024, 128, 128), [wanted]
+
+
 SWEEPS: dict[str, tuple[Callable[[int], Point], tuple[int, ...]]] = {
     "worlds": (worlds_point, (1, 4, 16, 64, 256, 1024, 4096, 16384)),
     "pixels": (pixels_point, (32, 64, 128, 256, 512, 1024)),
     "shapes": (shapes_point, (1, 4, 16, 64, 128, 256, 400, 600, 1000, 2000, 4000)),
     "faces": (faces_point, (100, 1000, 10000, 100000, 1000000, 2000000)),
     "lights": (lights_point, (1, 2, 3, 4, 6, 8, 10)),
+    "samples": (samples_point, (1, 4, 8, 16, 64)),
 }
 
 

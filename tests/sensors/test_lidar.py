@@ -248,9 +248,10 @@ def test_reads_are_part_of_a_capture(device: wp.Device) -> None:
     scene = floor(2, device)
     lidar = sensors.Lidar(scene, downward(4), position=(0, 0, 1), noise=sensors.LidarNoise(constant=0.01))
     lidar.read()
+    every = torch.ones(2, dtype=torch.bool, device=lidar.scan["ranges"].device)
     with wp.ScopedCapture(device) as capture:
         lidar.read()
-        lidar.reset(torch.ones(2, dtype=torch.bool, device=lidar.scan["ranges"].device))
+        lidar.reset(every)
     seen = []
     for height in (2.0, 3.0):
         lidar.parameters.position[:, 2] = height
