@@ -23,7 +23,7 @@ def render(arrays: Sequence[jax.Array], calls: Calls, inputs: tuple[Input, ...])
     return render_p.bind(*arrays, calls=calls, inputs=inputs)
 
 
-@render_p.def_abstract_eval
+@render_p.def_abstract_eval  # type: ignore[untyped-decorator]
 def _shapes(*arrays: Any, calls: Calls, inputs: tuple[Input, ...]) -> list[Any]:
     worlds = max(array.shape[0] for array in arrays)
     outputs = zip(calls.recipe.outputs, calls.dtypes, strict=True)

@@ -224,4 +224,4 @@ class Renderer:
         unused = set() if lit else {"light_xpos", "light_xdir"}
         unused |= set() if rides else {"xpos", "xmat"}
         unused |= {"cam_xpos", "cam_xmat"} if all(camera.is_own for camera in cameras) else set()
-        return [name for name, each in self._state.items() if name not in unused and math.prod(each.dims)]
+        return [name for name, each in self._state.items() if name not in unused and 0 not in each.dims]
