@@ -227,7 +227,7 @@ MISTAKES: dict[str, Any] = {
     "the renderer's scene has 1 worlds, the env 2": lambda: PixelObservation(
         Sliders(2, AutoresetMode.DISABLED), renderer_of(Sliders(1, AutoresetMode.DISABLED))
     ),
-    "renderer must be a Renderer, got Scene": lambda: PixelObservation(
+    "renderer must be a Renderer or Rig, got Scene": lambda: PixelObservation(
         Sliders(1, AutoresetMode.DISABLED), Sliders(1, AutoresetMode.DISABLED).scene
     ),
     "autoreset_mode <AutoresetMode.NEXT_STEP: 'NextStep'> came, and the env has": lambda: bad(
