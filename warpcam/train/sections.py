@@ -25,7 +25,7 @@ class Sections:
         self._device = device
         self._watched: list[tuple[Any, str]] = []
         self._open: list[str] = []
-        self._marks: list[tuple[str, float, torch.cuda.Event | None]] = []
+        self._marks: list[tuple[str, float, Any]] = []
 
     @contextmanager
     def section(self, name: str) -> Iterator[None]:
@@ -67,14 +67,13 @@ class Sections:
         spent: defaultdict[str, list[float]] = defaultdict(lambda: [0.0, 0.0])
         for (name, begun, event), (_, ended, following) in zip(self._marks, self._marks[1:], strict=False):
             host = ended - begun
-            both = event is not None and following is not None
-            spent[name][0] += 1e-3 * event.elapsed_time(following) if both else host
+            spent[name][0] += host if event is None else 1e-3 * event.elapsed_time(following)
             spent[name][1] += host
         return {name: (device, host) for name, (device, host) in spent.items()}
 
     def _mark(self) -> None:
-        event = None
+        event: Any = None
         if self._device.type == "cuda":
-            event = torch.cuda.Event(enable_timing=True)
+            event = torch.cuda.Event(enable_timing=True)  # type: ignore[no-untyped-call]
             event.record(torch.cuda.current_stream(self._device))
         self._marks.append((self._open[-1] if self._open else OUTSIDE, time.perf_counter(), event))
