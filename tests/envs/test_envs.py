@@ -9,6 +9,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
+from warpcam import sensors
 
 gymnasium = pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
 
@@ -268,3 +269,14 @@ def test_an_env_that_resets_by_itself_may_go_without_last_images() -> None:
     seen = PixelObservation(env, renderer_of(env), final_images=False, forward=True)
     assert seen.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert "top_rgb" in seen.reset(seed=1)[0]
+
+
+def test_a_rig_gives_what_its_sensors_measure() -> None:
+    """Outputs that no effect changes are the renderer's."""
+    env = Sliders(2, AutoresetMode.DISABLED)
+    rig = sensors.Rig(renderer_of(env), {"top": [sensors.RandomDropout(probability=1.0)]})
+    seen = PixelObservation(env, rig, forward=True)
+    observation, _ = seen.reset(seed=1)
+    assert np.array_equal(observation["top_depth"], rig.images["top"]["depth"].cpu().numpy())
+    assert len(np.unique(observation["top_depth"])) == 1 < len(rig.renderer.images["top"]["depth"].unique())
+    assert np.array_equal(observation["top_rgb"], rig.renderer.images["top"]["rgb"].cpu().numpy())
