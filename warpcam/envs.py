@@ -11,6 +11,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.outputs import OUTPUTS
 from warpcam.render.renderer import Renderer
+from warpcam.sensors.rig import Rig
 
 try:
     import gymnasium
@@ -38,7 +39,8 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
 
     Args:
         env: Its worlds are those of the renderer's scene, in that order.
-        renderer: All its cameras and outputs become observations.
+        renderer: All its cameras and outputs become observations. A ``Rig`` of ``warpcam.sensors`` gives what its
+            sensors measure.
         layout: Of each image: "HWC" or "CHW".
         concatenate: One image ``"pixels"`` of all channels, in the order of ``renderer.images``, in place of one for
             each output. They must be of one size and dtype.
@@ -56,7 +58,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
     def __init__(
         self,
         env: VectorEnv,
-        renderer: Renderer,
+        renderer: Renderer | Rig,
         *,
         layout: str = "HWC",
         concatenate: bool = False,
@@ -69,8 +71,9 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
     ):
         _require_vector("PixelObservation", env)
         super().__init__(env)
-        if not isinstance(renderer, Renderer):
-            raise WarpcamError(f"PixelObservation: renderer must be a Renderer, got {type(renderer).__name__}")
+        if not isinstance(renderer, Renderer | Rig):
+            raise WarpcamError(f"PixelObservation: renderer must be a Renderer or Rig, got {type(renderer).__name__}")
+        eyes = renderer.renderer if isinstance(renderer, Rig) else renderer
         for name, value, allowed in (("layout", layout, LAYOUTS), ("arrays", arrays, KINDS)):
             if value not in allowed:
                 raise WarpcamError(f"PixelObservation: {name} {value!r} came, allowed are {', '.join(allowed)}")
@@ -80,32 +83,35 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         for name, switch in switches.items():
             if not isinstance(switch, bool | np.bool_):
                 raise WarpcamError(f"PixelObservation: {name} must be True or False, got {switch!r}")
-        if len(renderer.faulty) != env.num_envs:
+        if len(eyes.faulty) != env.num_envs:
             raise WarpcamError(
-                f"PixelObservation: the renderer's scene has {len(renderer.faulty)} worlds, the env {env.num_envs}; "
+                f"PixelObservation: the renderer's scene has {len(eyes.faulty)} worlds, the env {env.num_envs}; "
                 "each env needs a world of its own"
             )
-        self._renderer, self._forward = renderer, forward
+        self._renderer, self._forward = eyes, forward
+        self._eyes = renderer
         self._layout, self._concatenate, self._state = layout, concatenate, state
         self._torch, self._copy = arrays == "torch", copy
         self._images = {
             f"{camera}_{output}": (output, tensor)
             for camera, by_output in renderer.images.items()
             for output, tensor in by_output.items()
+            if tensor.ndim == 4  # a rig has ages of frames among them
         }
-        if len(self._images) < sum(map(len, renderer.images.values())):
+        if len(self._images) < sum(map(len, eyes.images.values())):
             cameras = ", ".join(map(repr, renderer.images))
             raise WarpcamError(
                 "PixelObservation: two images have one key '{camera}_{output}'; rename the cameras, which are "
                 + cameras
             )
-        behind = [camera for camera, asked in renderer._cameras.items() if isinstance(asked.lens, RayTableLens)]
+        behind = [camera for camera, asked in eyes._cameras.items() if isinstance(asked.lens, RayTableLens)]
         self._behind = {f"{camera}_depth" for camera in behind}  # what is behind a camera has a negative depth
         own = _mode_of(env)
         self._mode = _check_mode(own, autoreset_mode, final_images)
         self._resets = self._mode is AutoresetMode.SAME_STEP and own is AutoresetMode.DISABLED
         self._ended: Any = None  # worlds that the env's next step begins anew
-        self._flows = any(output.startswith("flow") for output, _ in self._images.values())
+        flows = any(output.startswith("flow") for output, _ in self._images.values())
+        self._forgets = flows or isinstance(renderer, Rig)
         self._frames = next((tensor for output, tensor in self._images.values() if output == "rgb"), None)
         more = {"autoreset_mode": self._mode}
         if env.render_mode is None and self._frames is not None:
@@ -153,12 +159,13 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         return tuple(torch_interop.to_numpy(self._frames).copy())
 
     def _render(self, worlds: Any = None) -> None:
-        self._renderer.render(worlds=worlds, forward=self._forward)
+        draw = self._eyes.read if isinstance(self._eyes, Rig) else self._eyes.render
+        draw(worlds=worlds, forward=self._forward)
 
     def _forget(self, worlds: Any) -> None:
-        """Clear the flow of worlds that have jumped to another state."""
-        if self._flows:
-            self._renderer.reset(worlds)
+        """Clear the flow, and what sensors remember, of worlds that have jumped to another state."""
+        if self._forgets:
+            self._eyes.reset(worlds)
 
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""

@@ -9,6 +9,7 @@ import torch
 import warp as wp
 
 import warpcam as wc
+from warpcam import sensors
 
 gymnasium = pytest.importorskip("gymnasium", reason="pip install 'warpcam[gymnasium]'")
 
@@ -227,7 +228,7 @@ MISTAKES: dict[str, Any] = {
     "the renderer's scene has 1 worlds, the env 2": lambda: PixelObservation(
         Sliders(2, AutoresetMode.DISABLED), renderer_of(Sliders(1, AutoresetMode.DISABLED))
     ),
-    "renderer must be a Renderer, got Scene": lambda: PixelObservation(
+    "renderer must be a Renderer or Rig, got Scene": lambda: PixelObservation(
         Sliders(1, AutoresetMode.DISABLED), Sliders(1, AutoresetMode.DISABLED).scene
     ),
     "autoreset_mode <AutoresetMode.NEXT_STEP: 'NextStep'> came, and the env has": lambda: bad(
@@ -268,3 +269,15 @@ def test_an_env_that_resets_by_itself_may_go_without_last_images() -> None:
     seen = PixelObservation(env, renderer_of(env), final_images=False, forward=True)
     assert seen.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert "top_rgb" in seen.reset(seed=1)[0]
+
+
+def test_a_rig_gives_what_its_sensors_measure() -> None:
+    """Outputs that no effect changes are the renderer's."""
+    env = Sliders(2, AutoresetMode.DISABLED)
+    rig = sensors.Rig(renderer_of(env), {"top": [sensors.RandomDropout(probability=1.0)]})
+    seen = PixelObservation(env, rig, forward=True)
+    observation, _ = seen.reset(seed=1)
+    assert np.array_equal(observation["top_depth"], rig.images["top"]["depth"].cpu().numpy())
+    hit = np.isfinite(rig.renderer.images["top"]["depth"].cpu().numpy())
+    assert hit.any() and not observation["top_depth"][hit].any()
+    assert np.array_equal(observation["top_rgb"], rig.renderer.images["top"]["rgb"].cpu().numpy())

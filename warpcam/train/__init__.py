@@ -1,4 +1,4 @@
-"""Training from pixels: image operations, adapters for learning libraries, videos, and a task to begin with.
+"""Training from pixels: image operations, adapters for learning libraries, videos, and tasks to begin with.
 
 Names are imported when they are asked for first: each adapter needs its own library alone.
 """
@@ -7,8 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from warpcam.train.cartpole import CartPole
+    from warpcam.train.cartpole import CartPole, SwingUp
     from warpcam.train.images import Crop, Grey, ImageOperation, ImageTransform, Normalize, Resize
+    from warpcam.train.mujoco_task import MujocoTask
     from warpcam.train.pixel_env import PixelEnv, Step
     from warpcam.train.recorder import Recorder
     from warpcam.train.rsl_rl import RslRlVecEnv
@@ -22,6 +23,7 @@ _MODULES = {
     "Grey": "images",
     "ImageOperation": "images",
     "ImageTransform": "images",
+    "MujocoTask": "mujoco_task",
     "Normalize": "images",
     "PixelEnv": "pixel_env",
     "Recorder": "recorder",
@@ -30,6 +32,7 @@ _MODULES = {
     "SkrlEnv": "skrl",
     "StableBaselines3VecEnv": "stable_baselines3",
     "Step": "pixel_env",
+    "SwingUp": "cartpole",
     "TorchRLEnv": "torchrl",
 }
 __all__ = [
@@ -38,6 +41,7 @@ __all__ = [
     "Grey",
     "ImageOperation",
     "ImageTransform",
+    "MujocoTask",
     "Normalize",
     "PixelEnv",
     "Recorder",
@@ -46,6 +50,7 @@ __all__ = [
     "SkrlEnv",
     "StableBaselines3VecEnv",
     "Step",
+    "SwingUp",
     "TorchRLEnv",
 ]
 

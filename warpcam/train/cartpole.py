@@ -1,25 +1,14 @@
-"""Cart-pole: a pole on a cart is to stay upright, and the policy sees an image alone."""
+"""Cart-pole: a pole on a cart is to stay upright, or to be swung up, and the policy sees an image alone."""
 
-from typing import Any
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
-import gymnasium
-import numpy as np
+import mujoco
 import torch
-import warp as wp
-from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import batch_space
 
-from warpcam.core import torch_interop
-from warpcam.core.device import resolve
-from warpcam.core.errors import WarpcamError
-
-try:
-    import mujoco
-    import mujoco_warp as mjw
-except ImportError as error:
-    raise WarpcamError(
-        f"{error.name} is not installed, and warpcam.train.cartpole needs it: pip install 'warpcam[train]'"
-    ) from error
+from warpcam.train.images import Grey, Normalize
+from warpcam.train.mujoco_task import MujocoTask
 
 CAMERA = "side"
 SCENE = f"""
@@ -44,7 +33,7 @@ SCENE = f"""
 """
 
 
-class CartPole(VectorEnv):  # type: ignore[misc]
+class CartPole(MujocoTask):
     """A pole on a cart in each world, simulated by MuJoCo-Warp.
 
     Reward: from 0 to 1, the product of four shares, those of dm_control's cart-pole: upright, near the middle, little
@@ -62,7 +51,11 @@ class CartPole(VectorEnv):  # type: ignore[misc]
         max_lean: Angle between the pole and the vertical at which an episode ends [rad].
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.DISABLED}  # noqa: RUF012
+    length, num_actions, num_starts, num_states = 250, 1, 4, 4
+    camera = view = CAMERA
+    operations = (Grey(), Normalize())
+    iterations = 200
+    hangs: ClassVar[bool] = False  # whether the pole hangs down when an episode begins
 
     def __init__(
         self,
@@ -70,60 +63,61 @@ class CartPole(VectorEnv):  # type: ignore[misc]
         *,
         device: str | None = None,
         seed: int = 0,
-        max_episode_length: int = 250,
+        max_episode_length: int | None = None,
         max_lean: float = 0.6,
     ) -> None:
-        self.num_envs, self.max_episode_length, self._max_lean = num_envs, max_episode_length, max_lean
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (4,), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
-        self.host = mujoco.MjModel.from_xml_string(SCENE)
-        self._device = resolve(device)
-        with wp.ScopedDevice(self._device):
-            self.model = mjw.put_model(self.host)
-            self.data = mjw.make_data(self.host, nworld=num_envs)
-            # These tensors are the simulator's memory: writing them is writing its state.
-            self._position, self._velocity = wp.to_torch(self.data.qpos), wp.to_torch(self.data.qvel)
-            self._control = wp.to_torch(self.data.ctrl)
-        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self._position.device)
-        self._spread = torch.tensor((0.1, 0.034), device=self._position.device)  # of places [m] and angles [rad]
-        self._random = torch.Generator(self._position.device).manual_seed(seed)
+        self._max_lean = max_lean
+        super().__init__(num_envs, device=device, seed=seed, max_episode_length=max_episode_length)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin new episodes in all worlds, or in those of ``options["reset_mask"]``."""
-        if seed is not None:
-            self._random.manual_seed(seed)
-        device = self._position.device
-        mask = torch.as_tensor((options or {}).get("reset_mask", torch.ones(self.num_envs, dtype=torch.bool)))
-        mask = mask.to(device)
-        start = torch.randn((2, *self._position.shape), generator=self._random, device=device)
-        place, speed = self._spread * start[0], 0.01 * start[1]
-        self._position.copy_(torch.where(mask[:, None], place, self._position))
-        self._velocity.copy_(torch.where(mask[:, None], speed, self._velocity))
-        self.episode_length_buf.masked_fill_(mask, 0)
-        return self._observe(), {}
+    def _compile(self) -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(SCENE)
 
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Push the carts."""
-        force = torch.as_tensor(actions, device=self._control.device).clamp(-1.0, 1.0)
-        self._control.copy_(force)
-        with wp.ScopedDevice(self._device), torch_interop.in_order(self._device):
-            mjw.step(self.model, self.data)
-        self.episode_length_buf += 1
-        fallen, late = self._position[:, 1].abs() > self._max_lean, self.episode_length_buf >= self.max_episode_length
-        return self._observe(), self._reward(force), fallen, late, {}
+    def _prepare(self) -> None:
+        spread = (0.1, 0.034, 0.01, 0.01)  # of places [m], angles [rad] and their velocities
+        self._spread = torch.tensor(spread, device=self._torch_device)
+        self._middle = torch.tensor((0.0, math.pi if self.hangs else 0.0, 0.0, 0.0), device=self._torch_device)
 
-    def _reward(self, force: torch.Tensor) -> torch.Tensor:
+    def _begin(self, mask: torch.Tensor, numbers: torch.Tensor) -> None:
+        start = self._middle + self._spread * _normal(numbers)
+        self._set(mask, start[:, :2], start[:, 2:])
+
+    def _ended(self) -> torch.Tensor:
+        return self._position[:, 1].abs() > self._max_lean
+
+    def _reward(self, actions: torch.Tensor) -> torch.Tensor:
         position, velocity = self._position, self._velocity
         upright = 0.5 * (1.0 + torch.cos(position[:, 1]))
         centered = 0.5 * (1.0 + _bell(position[:, 0] / 2.0))
-        gentle = 0.2 * (4.0 + (1.0 - force[:, 0].square()).clamp(min=0.0))
+        gentle = 0.2 * (4.0 + (1.0 - actions[:, 0].square()).clamp(min=0.0))
         slow = 0.5 * (1.0 + _bell(velocity[:, 1] / 5.0))
         return upright * centered * gentle * slow
 
     def _observe(self) -> torch.Tensor:
         return torch.cat((self._position, self._velocity), dim=1)
+
+
+class SwingUp(CartPole):
+    """A pole that hangs down from a cart, and is to be swung up and balanced: else as ``CartPole``.
+
+    Episodes end when their time is up. Observations are the cart's place and velocity, sine and cosine of the pole's
+    angle, and its velocity, (world, 5).
+    """
+
+    length, num_states, iterations = 400, 5, 500
+    hangs = True
+    ppo: ClassVar[Mapping[str, Any]] = {"gamma": 0.99}
+
+    def _ended(self) -> torch.Tensor:
+        return self._none
+
+    def _observe(self) -> torch.Tensor:
+        angle = self._position[:, 1:]
+        return torch.cat((self._position[:, :1], torch.sin(angle), torch.cos(angle), self._velocity), dim=1)
+
+
+def _normal(numbers: torch.Tensor) -> torch.Tensor:
+    """Turn numbers from 0 to 1, all as likely, into normal ones of mean 0 and deviation 1, none beyond 5."""
+    return math.sqrt(2.0) * torch.erfinv((2.0 * numbers - 1.0).clamp(-0.9999994, 0.9999994))
 
 
 def _bell(ratio: torch.Tensor) -> torch.Tensor:

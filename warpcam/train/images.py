@@ -205,9 +205,19 @@ class Frames:
         """The observation: (world, stack * channel, ...)."""
         return self._places[self._now]
 
+    def turn(self) -> None:
+        """Have the other place be that of ``now``, which something else has written."""
+        self._now = 1 - self._now
+
+    @property
+    def place(self) -> int:
+        """Number of the place of ``now``: 0 or 1."""
+        return self._now
+
     def push(self, images: torch.Tensor) -> torch.Tensor:
         """Add a frame of every world; returns the observation."""
-        last, self._now = self.now, 1 - self._now
+        last = self.now
+        self.turn()
         self.now[:, : -self._channels].copy_(last[:, self._channels :])
         self.now[:, -self._channels :].copy_(self._run(images))
         return self.now

@@ -1,5 +1,6 @@
 """One batched env of images that the adapters of all libraries share."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -7,9 +8,12 @@ from typing import Any
 import torch
 from gymnasium.vector import AutoresetMode, VectorEnv
 
+from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.envs import PixelObservation
 from warpcam.render.renderer import Renderer
+from warpcam.sensors.rig import Rig
+from warpcam.train.captured import CapturedWork, can_capture
 from warpcam.train.images import Frames, ImageTransform
 
 Observations = dict[str, torch.Tensor]
@@ -21,7 +25,7 @@ class Step:
 
     Attributes:
         observations: By group; of the new episode where one has ended. They stay as they are until the step after next.
-        rewards: (world,) float32.
+        rewards: (world,) float32. Rewards and ends, too, stay as they are until the step after next.
         terminated: (world,) bool: the task's own end.
         truncated: (world,) bool: the time was up.
         infos: Whatever the env tells.
@@ -45,28 +49,38 @@ class PixelEnv:
 
     Args:
         env: Resets the worlds of ``options["reset_mask"]`` when it is told to (``AutoresetMode.DISABLED``). Its worlds
-            are those of the renderer's scene, in that order. Its observations and actions are single boxes.
-        renderer: Its images become groups named ``"{camera}_{output}"``.
+            are those of the renderer's scene, in that order. Its actions are a box, its observations one or several.
+        renderer: Its images become groups named ``"{camera}_{output}"``. A ``Rig`` gives what its sensors measure.
         transforms: What becomes of each group; groups that are not named are copied as they are.
-        state: Name of the group of the env's own observation (world, number); None leaves it out.
+        state: Name of the group of the env's own observation (world, number); several have names of their own. None
+            leaves them out.
         forward: Have the simulator compute poses before each frame: see ``Renderer.render``. MuJoCo-Warp's ``step``
             leaves them one step behind.
+        capture: Record all device work of a step as a CUDA graph: simulation, images, rewards, resets and what becomes
+            of images. The env's ``step`` and ``reset`` must then neither wait for the device nor draw from torch's
+            generators, and keep their state in memory that stays where it is. The first two steps run by themselves.
+            On a CPU, and where ``can_capture`` is false, all steps do.
+
+    Attributes:
+        captures: Whether steps are recorded.
     """
 
     def __init__(
         self,
         env: VectorEnv,
-        renderer: Renderer,
+        renderer: Renderer | Rig,
         *,
         transforms: Mapping[str, ImageTransform] | None = None,
         state: str | None = None,
         forward: bool = False,
+        capture: bool = False,
     ):
         if isinstance(env, VectorEnv) and env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
             raise WarpcamError(
                 f"PixelEnv: env has the mode {env.metadata.get('autoreset_mode')!r}, {AutoresetMode.DISABLED} is "
                 "needed: it resets the worlds of options['reset_mask'] when it is told to"
             )
+        eyes = renderer.renderer if isinstance(renderer, Rig) else renderer
         self.renderer = renderer
         self._env = PixelObservation(
             env,
@@ -78,17 +92,27 @@ class PixelEnv:
             autoreset_mode=AutoresetMode.SAME_STEP,
             forward=forward,
         )
-        for what in ("observation", "action"):
-            shape = getattr(getattr(env, f"single_{what}_space"), "shape", None)
-            if shape is None or (len(shape) != 1 and (what == "action" or state is not None)):
+        spaces = [("action", env.single_action_space)]
+        if state is not None:
+            own = env.single_observation_space
+            spaces += [("observation", one) for one in getattr(own, "spaces", {"": own}).values()]
+        for what, space in spaces:
+            shape = getattr(space, "shape", None)
+            if shape is None or len(shape) != 1:
                 raise WarpcamError(f"PixelEnv: the env's {what} must be a box of one dimension, got {shape}")
         self.num_envs: int = env.num_envs
         self.single_action_space = env.single_action_space
         self.num_actions: int = env.single_action_space.shape[0]
-        self.device = renderer.faulty.device
+        self.device = eyes.faulty.device
         self._transforms = dict(transforms or {})
         self._frames: dict[str, Frames] = {}
         self._final: Observations = {}
+        self._scene_device = eyes.scene.device
+        self.captures = capture and can_capture(self._scene_device)
+        self._captured: dict[int, CapturedWork[Step]] = {}  # by the place of the observations before it
+        self._plain_steps = 2  # until steps are recorded
+        with torch.inference_mode(False):
+            self._actions = torch.zeros((self.num_envs, self.num_actions), device=self.device)
         first, _ = self._env.reset()
         unknown = ", ".join(map(repr, sorted(self._transforms.keys() - first.keys())))
         if unknown:
@@ -125,6 +149,23 @@ class PixelEnv:
 
     def step(self, actions: torch.Tensor) -> Step:
         """Act in all worlds, (world, action), and begin new episodes where one has ended."""
+        if not self.captures or torch_interop.is_capturing(self._scene_device):
+            return self._step(actions)
+        if self._plain_steps > 0:
+            self._plain_steps -= 1
+            return self._step(actions)
+        self._actions.copy_(actions)
+        frames = list(self._frames.values())
+        place = frames[0].place
+        if place in self._captured:
+            for one in frames:
+                one.turn()
+        else:
+            work = functools.partial(self._step, self._actions)
+            self._captured[place] = CapturedWork(self._scene_device, work)
+        return self._captured[place].launch()
+
+    def _step(self, actions: torch.Tensor) -> Step:
         observed, rewards, terminated, truncated, infos = self._env.step(actions)
         last = infos.get("final_obs")
         for key, frames in self._frames.items():

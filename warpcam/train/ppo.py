@@ -10,6 +10,7 @@ import torch
 
 from warpcam.core.errors import WarpcamError
 from warpcam.train.pixel_env import PixelEnv
+from warpcam.train.ranks import Rank
 from warpcam.train.rsl_rl import RslRlVecEnv
 
 try:
@@ -68,8 +69,22 @@ def settings(
     }
 
 
+class _Runner(OnPolicyRunner):  # type: ignore[misc]
+    """A runner whose processes may learn together on CPUs, too; rsl_rl's own do on GPUs alone."""
+
+    def _configure_multi_gpu(self) -> None:
+        rank = Rank.here()
+        if rank.count == 1 or not str(self.device).startswith("cpu"):
+            super()._configure_multi_gpu()
+            return
+        self.is_distributed, self.gpu_world_size = True, rank.count
+        self.gpu_global_rank, self.gpu_local_rank = rank.number, rank.local
+        self.cfg["multi_gpu"] = {"global_rank": rank.number, "local_rank": rank.local, "world_size": rank.count}
+        torch.distributed.init_process_group(backend="gloo", rank=rank.number, world_size=rank.count)
+
+
 class Training:
-    """A runner of rsl_rl that tells how it goes.
+    """A runner of rsl_rl that tells how it goes. Processes of ``torchrun`` learn together.
 
     Args:
         env: What is learned in.
@@ -86,14 +101,12 @@ class Training:
         folder: Path | None = None,
         told: Callable[[int, float | None], None] | None = None,
     ):
-        torch.manual_seed(config["seed"])
+        torch.manual_seed(Rank.here().seed(config["seed"]))
         self._env, self._log = env, None if folder is None else folder / "rsl_rl.log"
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
         with self._quiet():
-            self.runner = OnPolicyRunner(
-                env, config, log_dir=None if folder is None else str(folder), device=str(env.device)
-            )
+            self.runner = _Runner(env, config, log_dir=None if folder is None else str(folder), device=str(env.device))
         logger, log = self.runner.logger, self.runner.logger.log
 
         def followed(**values: Any) -> None:

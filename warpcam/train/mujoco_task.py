@@ -1,0 +1,196 @@
+"""What tasks simulated by MuJoCo-Warp have in common: worlds, episodes, cameras."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import torch
+import warp as wp
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+import warpcam
+from warpcam.core import torch_interop
+from warpcam.core.device import resolve
+from warpcam.core.errors import WarpcamError
+from warpcam.sensors.rig import Rig
+from warpcam.train.images import ImageOperation, ImageTransform
+from warpcam.train.pixel_env import PixelEnv
+from warpcam.train.starts import Starts
+
+try:
+    import mujoco
+    import mujoco_warp as mjw
+except ImportError as error:
+    raise WarpcamError(
+        f"{error.name} is not installed, and tasks of warpcam.train need it: pip install 'warpcam[train]'"
+    ) from error
+
+
+class MujocoTask(VectorEnv):  # type: ignore[misc]
+    """A task in each world. Its step waits for nothing, and can be part of a CUDA graph.
+
+    A subclass says what the scene is, how episodes begin, what actions do, what is rewarded and what ends an episode:
+    the attributes of the class, and the methods that begin with one underscore. All numbers are tensors on the device,
+    (world, ...).
+
+    Observations are ``state``, for critics and checks, and in tasks with ``senses`` a dictionary that has
+    ``proprioception``, too: what a robot knows of itself. Actions are from -1 to 1.
+
+    Args:
+        num_envs: Worlds.
+        device: "cpu", "cuda:0", ...; None is the first GPU, or the CPU.
+        seed: Of the states that episodes begin with: they follow from it, the world and the number of its episode.
+        max_episode_length: Steps of an episode; None is the task's own.
+
+    Attributes:
+        scene: What a renderer sees.
+        host: MuJoCo's model.
+        model: MuJoCo-Warp's.
+        data: State of all worlds.
+        episode_length_buf: int64, (world,), steps of each episode so far.
+    """
+
+    metadata = {"autoreset_mode": AutoresetMode.DISABLED}  # noqa: RUF012
+    length: ClassVar[int]  # steps of an episode
+    substeps: ClassVar[int] = 1  # of the simulation in a step
+    num_actions: ClassVar[int]
+    num_starts: ClassVar[int]  # random numbers with which an episode begins
+    num_states: ClassVar[int]
+    most: ClassVar[float] = 1.0  # reward of a step
+    senses: ClassVar[int] = 0  # numbers of proprioception
+    camera: ClassVar[str]  # sees what the policy sees
+    view: ClassVar[str]  # sees what is shown in videos
+    output: ClassVar[str] = "rgb"
+    operations: ClassVar[Sequence[ImageOperation]]
+    stack: ClassVar[int] = 2
+    iterations: ClassVar[int]  # of PPO until it is learned
+    ppo: ClassVar[Mapping[str, Any]] = {}  # settings other than those of ``warpcam.train.ppo.settings``
+
+    def __init__(
+        self, num_envs: int, *, device: str | None = None, seed: int = 0, max_episode_length: int | None = None
+    ) -> None:
+        self.num_envs = num_envs
+        self.max_episode_length = self.length if max_episode_length is None else max_episode_length
+        boxes = {"state": gymnasium.spaces.Box(-np.inf, np.inf, (self.num_states,), np.float32)}
+        if self.senses:
+            boxes["proprioception"] = gymnasium.spaces.Box(-np.inf, np.inf, (self.senses,), np.float32)
+        self.single_observation_space = gymnasium.spaces.Dict(boxes) if self.senses else boxes["state"]
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.num_actions,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.host = self._compile()
+        self._device = resolve(device)
+        with wp.ScopedDevice(self._device):
+            self.model = mjw.put_model(self.host)
+            self.data = mjw.make_data(self.host, nworld=num_envs)
+        data = self.data
+        # These tensors are the simulator's memory: writing them is writing its state.
+        self._position, self._velocity, self._control, self._warmstart, self._places = map(
+            torch_interop.to_torch, (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.xpos)
+        )
+        self._torch_device = self._position.device
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self._torch_device)
+        self._all = torch.ones(num_envs, dtype=torch.bool, device=self._torch_device)
+        self._none = ~self._all
+        self._starts = Starts(num_envs, self.num_starts, seed, self._device)
+        self._prepare()
+        self.scene = warpcam.from_mujoco_warp(self.host, self.model, self.data)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin new episodes in all worlds, or in those of ``options["reset_mask"]``."""
+        if seed is not None:
+            self._starts.seed(seed)
+        given = (options or {}).get("reset_mask")
+        mask = self._all if given is None else torch.as_tensor(given, device=self._torch_device)
+        self._begin(mask, self._starts.draw(mask))
+        self.episode_length_buf.masked_fill_(mask, 0)
+        self._place()
+        return self._observe(), {}
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Act in all worlds, (world, action)."""
+        actions = torch.as_tensor(actions, dtype=torch.float32, device=self._torch_device).clamp(-1.0, 1.0)
+        self._act(actions)
+        self.simulate()
+        self.episode_length_buf += 1
+        late = self.episode_length_buf >= self.max_episode_length
+        return self._observe(), self._reward(actions), self._ended(), late, {}
+
+    def eyes(self, width: int, height: int) -> warpcam.Renderer | Rig:
+        """What the policy sees: a renderer of ``output`` of ``camera``, or a rig that measures it."""
+        samples = 4 if self.output == "rgb" else 1
+        camera = warpcam.Camera(
+            self.camera, width=width, height=height, outputs=(self.output,), antialiasing=samples, far=20.0
+        )
+        return warpcam.Renderer(self.scene, [camera])
+
+    @property
+    def period(self) -> float:
+        """Time between two steps [s]."""
+        return float(self.substeps * self.host.opt.timestep)
+
+    @property
+    def best(self) -> float:
+        """Bound that no return is above."""
+        return self.most * self.max_episode_length
+
+    @property
+    def image(self) -> str:
+        """Group of observations that has what the policy sees."""
+        return f"{self.camera}_{self.output}"
+
+    @property
+    def transforms(self) -> Mapping[str, ImageTransform]:
+        """What becomes of images."""
+        return {self.image: ImageTransform(tuple(self.operations), stack=self.stack)}
+
+    def pixels(self, width: int, height: int, *, capture: bool = True) -> PixelEnv:
+        """Make the batched env of images of which policies learn; ``capture`` as ``PixelEnv`` has it."""
+        return PixelEnv(self, self.eyes(width, height), transforms=self.transforms, state="state", capture=capture)
+
+    def _compile(self) -> mujoco.MjModel:
+        """Return the model."""
+        raise NotImplementedError
+
+    def _prepare(self) -> None:
+        """Allocate what the task needs beside the simulation."""
+
+    def _begin(self, mask: torch.Tensor, numbers: torch.Tensor) -> None:
+        """Set states of the worlds of the mask, from ``num_starts`` numbers from 0 to 1 each: see ``_set``."""
+        raise NotImplementedError
+
+    def _act(self, actions: torch.Tensor) -> None:
+        """Turn actions into controls."""
+        self._control.copy_(actions)
+
+    def _reward(self, actions: torch.Tensor) -> torch.Tensor:
+        raise NotImplementedError
+
+    def _ended(self) -> torch.Tensor:
+        """Worlds whose episodes end before their time is up."""
+        return self._none
+
+    def _observe(self) -> Any:
+        raise NotImplementedError
+
+    def _set(self, mask: torch.Tensor, position: torch.Tensor, velocity: torch.Tensor | float = 0.0) -> None:
+        """Write states of the worlds of the mask."""
+        here = mask[:, None]
+        torch.where(here, position, self._position, out=self._position)
+        torch.where(here, torch.as_tensor(velocity, device=mask.device), self._velocity, out=self._velocity)
+        self._warmstart.masked_fill_(here, 0.0)
+
+    def simulate(self) -> None:
+        """Step the simulation, and compute the poses of what it has come to."""
+        with wp.ScopedDevice(self._device), torch_interop.in_order(self._device):
+            for _ in range(self.substeps):
+                mjw.step(self.model, self.data)
+        self._place()
+
+    def _place(self) -> None:
+        with wp.ScopedDevice(self._device), torch_interop.in_order(self._device):
+            mjw.kinematics(self.model, self.data)
+            mjw.com_pos(self.model, self.data)
+            mjw.camlight(self.model, self.data)

@@ -1,0 +1,8 @@
+"""Tasks by the names of the command line."""
+
+from collections.abc import Mapping
+
+from warpcam.train.cartpole import CartPole, SwingUp
+from warpcam.train.mujoco_task import MujocoTask
+
+TASKS: Mapping[str, type[MujocoTask]] = {"cartpole": CartPole, "swing-up": SwingUp}
