@@ -1,8 +1,8 @@
 """Cost of each stage of a sensor: ``python -m warpcam.benchmarks.sensor_costs``.
 
-The humanoid of the suite, and what one effect adds to a frame: the median of ``Rig.read`` with it less that without it, in
-milliseconds and as a share of the frame of colour with shadows, which is drawn alone. An effect on depth is the only one
-of its rig. One on colours comes after a gain, so that the way from bytes to linear light and back counts once: as
+The humanoid of the suite, and what one effect adds to a frame: the median of ``Rig.read`` with it less that without it,
+in milliseconds and as a share of the frame of colour with shadows, which is drawn alone. An effect on depth is the only
+one of its rig. One on colours comes after a gain, so that the way from bytes to linear light and back counts once: as
 "colors", the cost of that gain.
 """
 
@@ -130,7 +130,9 @@ def main(arguments: list[str] | None = None) -> None:
             "rgb_shadows_ms": costs.shaded,
             "results": [],
         }
-        print(f"colours with shadows of {options.worlds} worlds, {options.size} x {options.size}: {costs.shaded:.3f} ms")
+        print(
+            f"colours with shadows of {options.worlds} worlds, {options.size} x {options.size}: {costs.shaded:.3f} ms"
+        )
 
         def add(name: str, milliseconds: float) -> None:
             share = milliseconds / costs.shaded
