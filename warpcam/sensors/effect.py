@@ -13,6 +13,7 @@ from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.kernels.random import Randomness
 
@@ -105,9 +106,18 @@ class EffectFrame:
     worlds: range
     pinhole: bool = False
 
+    @property
+    def size(self) -> wp.vec2i:
+        """Width and height of the image [pixels]."""
+        return wp.vec2i(self.width, self.height)
+
     def per_pixel(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each pixel of each world; the index of a thread is world * pixels + pixel."""
         return bind_launch(kernel, len(self.worlds) * self.width * self.height, inputs, self.device)
+
+    def per_strip(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
+        """Bind a kernel with a thread for each strip of each world, which ``strip_of`` finds for the thread's index."""
+        return bind_launch(kernel, len(self.worlds) * strips_of(self.width, self.height), inputs, self.device)
 
     def per_world(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each world."""

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.depth_lookup import shift_bilinear
-from warpcam.sensors.kernels.disparity import add_disparity_noise, keep_matches, quantize_disparity
+from warpcam.sensors.kernels.disparity import add_disparity_noise, quantize_disparity
+from warpcam.sensors.kernels.matching_window import MatchingRule, WindowRows, keep_matches, sum_window_rows
 
 MAX_RADIUS = 15
 
@@ -38,8 +40,8 @@ class ShiftedLookup(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.width, frame.randomness, params.sigma, params.focal_length]
-        return [frame.per_pixel(shift_bilinear, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.views, frame.size, frame.randomness, params.sigma, params.focal_length]
+        return [frame.per_strip(shift_bilinear, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +73,9 @@ class DisparityNoise(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.width, frame.randomness, params.baseline, params.sigma, params.bias]
+        inputs = [frame.mask, frame.views, frame.size, frame.randomness, params.baseline, params.sigma, params.bias]
         inputs += [params.cell, params.focal_length, frame.source, frame.target]
-        return [frame.per_pixel(add_disparity_noise, inputs)]
+        return [frame.per_strip(add_disparity_noise, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +101,8 @@ class DisparityQuantization(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, params.baseline, params.step, params.focal_length]
-        return [frame.per_pixel(quantize_disparity, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.views, params.baseline, params.step, params.focal_length]
+        return [frame.per_strip(quantize_disparity, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,13 +139,15 @@ class MatchingWindow(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [
-            frame.mask,
-            frame.views,
-            frame.width,
-            int(self.radius),
-            params.baseline,
-            params.tolerance,
-            params.share,
+        rule = MatchingRule()
+        rule.views, rule.radius = frame.views, int(self.radius)
+        rule.baseline, rule.tolerance, rule.share = params.baseline, params.tolerance, params.share
+        rule.focal = params.focal_length
+        rows = WindowRows()
+        rows.sums, rows.counts = wp.empty_like(frame.source), wp.empty_like(frame.source)
+        rows.least, rows.greatest = wp.empty_like(frame.source), wp.empty_like(frame.source)
+        common = [frame.mask, frame.size, rule]
+        return [
+            frame.per_strip(sum_window_rows, [*common, frame.source, rows]),
+            frame.per_strip(keep_matches, [*common, rows, frame.source, frame.target]),
         ]
-        return [frame.per_pixel(keep_matches, [*inputs, params.focal_length, frame.source, frame.target])]

@@ -29,8 +29,8 @@ class EdgeDropout(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.width, frame.randomness, params.threshold, params.probability]
-        return [frame.per_pixel(kernels.drop_edges, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability]
+        return [frame.per_strip(kernels.drop_edges, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class FlyingPixels(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.width, frame.randomness, params.threshold, params.probability]
-        return [frame.per_pixel(kernels.mix_edges, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability]
+        return [frame.per_strip(kernels.mix_edges, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +79,16 @@ class GrazingDropout(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.truth["normals"], frame.randomness, params.start, params.end]
-        return [frame.per_pixel(kernels.drop_grazing, [*inputs, frame.source, frame.target])]
+        inputs = [
+            frame.mask,
+            frame.size,
+            frame.views,
+            frame.truth["normals"],
+            frame.randomness,
+            params.start,
+            params.end,
+        ]
+        return [frame.per_strip(kernels.drop_grazing, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +111,8 @@ class DarkDropout(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.truth["rgb"], frame.randomness, params.threshold, params.probability]
-        return [frame.per_pixel(kernels.drop_dark, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.truth["rgb"], frame.randomness, params.threshold, params.probability]
+        return [frame.per_strip(kernels.drop_dark, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,5 +132,5 @@ class RandomDropout(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.width, frame.randomness, params.probability, params.cell]
-        return [frame.per_pixel(kernels.drop_at_random, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.probability, params.cell]
+        return [frame.per_strip(kernels.drop_at_random, [*inputs, frame.source, frame.target])]

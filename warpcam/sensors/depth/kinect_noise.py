@@ -37,9 +37,17 @@ class AxialNoise(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.truth["normals"], frame.randomness, params.constant, params.quadratic]
+        inputs = [
+            frame.mask,
+            frame.size,
+            frame.views,
+            frame.truth["normals"],
+            frame.randomness,
+            params.constant,
+            params.quadratic,
+        ]
         inputs += [params.start, params.angular, frame.source, frame.target]
-        return [frame.per_pixel(add_axial_noise, inputs)]
+        return [frame.per_strip(add_axial_noise, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +76,14 @@ class LateralNoise(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.views, frame.truth["normals"], frame.randomness, params.constant, params.angular]
+        inputs = [
+            frame.mask,
+            frame.size,
+            frame.views,
+            frame.truth["normals"],
+            frame.randomness,
+            params.constant,
+            params.angular,
+        ]
         inputs += [params.focal_length, frame.source, frame.target]
-        return [frame.per_pixel(shift_nearest, inputs)]
+        return [frame.per_strip(shift_nearest, inputs)]

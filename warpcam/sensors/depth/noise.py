@@ -33,8 +33,16 @@ class PolynomialNoise(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.randomness, params.constant, params.linear, params.quadratic, params.offset]
-        return [frame.per_pixel(kernels.add_polynomial_noise, [*inputs, frame.source, frame.target])]
+        inputs = [
+            frame.mask,
+            frame.size,
+            frame.randomness,
+            params.constant,
+            params.linear,
+            params.quadratic,
+            params.offset,
+        ]
+        return [frame.per_strip(kernels.add_polynomial_noise, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +66,8 @@ class AzureKinectNoise(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.randomness, params.constant, params.slope, params.start]
-        return [frame.per_pixel(kernels.add_ramp_noise, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.constant, params.slope, params.start]
+        return [frame.per_strip(kernels.add_ramp_noise, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +85,8 @@ class DepthBias(Effect):
     kind = "depth"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.params.offset, frame.params.scale, frame.source, frame.target]
-        return [frame.per_pixel(kernels.add_bias, inputs)]
+        inputs = [frame.mask, frame.size, frame.params.offset, frame.params.scale, frame.source, frame.target]
+        return [frame.per_strip(kernels.add_bias, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +111,7 @@ class DepthDrift(Effect):
         drift, params = frame.keep("drift", ()), frame.params
         return [
             frame.per_world(kernels.walk, [frame.mask, frame.randomness, params.sigma, params.relaxation, drift]),
-            frame.per_pixel(kernels.add_drift, [frame.mask, drift, frame.source, frame.target]),
+            frame.per_strip(kernels.add_drift, [frame.mask, frame.size, drift, frame.source, frame.target]),
         ]
 
 
@@ -124,5 +132,13 @@ class DepthFixedPattern(Effect):
     kind = "depth"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.randomness, frame.params.constant, frame.params.linear, frame.source, frame.target]
-        return [frame.per_pixel(kernels.add_fixed_pattern, inputs)]
+        inputs = [
+            frame.mask,
+            frame.size,
+            frame.randomness,
+            frame.params.constant,
+            frame.params.linear,
+            frame.source,
+            frame.target,
+        ]
+        return [frame.per_strip(kernels.add_fixed_pattern, inputs)]

@@ -25,4 +25,6 @@ class DepthQuantization(Effect):
     kind = "depth"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_pixel(quantize_depth, [frame.mask, frame.params.unit, frame.source, frame.target])]
+        return [
+            frame.per_strip(quantize_depth, [frame.mask, frame.size, frame.params.unit, frame.source, frame.target])
+        ]

@@ -28,5 +28,5 @@ class DepthRange(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, params.min, params.max, params.invalid, frame.source, frame.target]
-        return [frame.per_pixel(limit_range, inputs)]
+        inputs = [frame.mask, frame.size, params.min, params.max, params.invalid, frame.source, frame.target]
+        return [frame.per_strip(limit_range, inputs)]

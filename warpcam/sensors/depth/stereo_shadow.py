@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.stereo_shadow import drop_hidden, find_nearest
+from warpcam.sensors.kernels.stereo_shadow import PARTS, drop_hidden, find_nearest, find_nearest_of_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,13 @@ class StereoShadow(Effect):
             raise WarpcamError(f"{where}: border must be True or False, got {self.border!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        nearest = frame.keep("nearest", (frame.height,))
-        rows = len(frame.worlds) * frame.height
-        inputs = [frame.mask, frame.views, frame.width, int(self.border), frame.params.baseline, nearest]
+        worlds, rows = len(frame.worlds), len(frame.worlds) * frame.height
+        parts = wp.empty((worlds, frame.height, PARTS), dtype=wp.float32, device=frame.device)
+        nearest = wp.empty((worlds, frame.height), dtype=wp.float32, device=frame.device)
+        inputs = [frame.mask, frame.views, frame.size, int(self.border), frame.params.baseline, nearest]
+        of_parts = [frame.mask, frame.width, frame.source, parts]
         return [
-            bind_launch(find_nearest, rows, [frame.mask, frame.width, frame.source, nearest], frame.device),
-            frame.per_pixel(drop_hidden, [*inputs, frame.source, frame.target]),
+            bind_launch(find_nearest_of_parts, rows * PARTS, of_parts, frame.device),
+            bind_launch(find_nearest, rows, [frame.mask, parts, nearest], frame.device),
+            frame.per_strip(drop_hidden, [*inputs, frame.source, frame.target]),
         ]

@@ -3,33 +3,44 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
-from warpcam.sensors.kernels.depth_values import cell_of, incidence, is_measured
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.depth_values import cell_of, cell_side, incidence, is_measured
+from warpcam.sensors.kernels.random import Randomness, frame_state
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.func
-def extremes(source: wp.array2d(dtype=wp.float32), world: wp.int32, pixel: wp.int32, width: wp.int32):
-    """Least and greatest depth in the 3x3 neighbourhood of a pixel; 0, negative numbers and NaN do not count."""
-    row, column = row_and_column(pixel, width)
+def extremes(
+    source: wp.array2d(dtype=wp.float32), world: wp.int32, row: wp.int32, column: wp.int32, size: wp.vec2i
+) -> wp.vec2:
+    """Least and greatest depth of three pixels of a row about a column; 0, negative numbers and NaN do not count.
+
+    Infinity and 0 where none counts, as beyond the first and the last row.
+    """
     least = wp.float32(wp.inf)
     greatest = wp.float32(0.0)
-    for y in range(wp.max(row - 1, 0), wp.min(row + 2, source.shape[1] // width)):
-        for x in range(wp.max(column - 1, 0), wp.min(column + 2, width)):
-            depth = source[world, y * width + x]
-            if depth > 0.0:
-                least = wp.min(least, depth)
-                greatest = wp.max(greatest, depth)
-    return least, greatest
+    if row >= 0 and row < size[1]:
+        for side in range(-1, 2):
+            if column + side >= 0 and column + side < size[0]:
+                depth = source[world, row * size[0] + column + side]
+                if depth > 0.0:
+                    least = wp.min(least, depth)
+                    greatest = wp.max(greatest, depth)
+    return wp.vec2(least, greatest)
+
+
+@wp.func
+def joined(above: wp.vec2, here: wp.vec2, below: wp.vec2):
+    """Least and greatest depth of three rows."""
+    return wp.min(wp.min(above[0], here[0]), below[0]), wp.max(wp.max(above[1], here[1]), below[1])
 
 
 @wp.kernel(enable_backward=False)
 def drop_edges(
     mask: wp.array(dtype=wp.uint8),
-    width: wp.int32,
+    size: wp.vec2i,
     randomness: Randomness,
     threshold: wp.array(dtype=wp.float32),
     probability: wp.array(dtype=wp.float32),
@@ -37,22 +48,32 @@ def drop_edges(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        least, greatest = extremes(source, world, pixel, width)
-        if greatest - least > threshold[world]:
-            if wp.randf(element_state(randomness, world, pixel)) < probability[world]:
-                depth = wp.float32(0.0)
-    target[world, pixel] = depth
+    limit = threshold[world]
+    chance = probability[world]
+    random = frame_state(randomness, world)
+    above = extremes(source, world, top - 1, column, size)
+    here = extremes(source, world, top, column, size)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        below = extremes(source, world, row + 1, column, size)
+        depth = source[world, pixel]
+        if is_measured(depth):
+            least, greatest = joined(above, here, below)
+            if greatest - least > limit:
+                if wp.randf(wp.rand_init(random, pixel)) < chance:
+                    depth = wp.float32(0.0)
+        target[world, pixel] = depth
+        above = here
+        here = below
 
 
 @wp.kernel(enable_backward=False)
 def mix_edges(
     mask: wp.array(dtype=wp.uint8),
-    width: wp.int32,
+    size: wp.vec2i,
     randomness: Randomness,
     threshold: wp.array(dtype=wp.float32),
     probability: wp.array(dtype=wp.float32),
@@ -60,22 +81,33 @@ def mix_edges(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        least, greatest = extremes(source, world, pixel, width)
-        if greatest < wp.inf and greatest - least > threshold[world]:
-            state = element_state(randomness, world, pixel)
-            if wp.randf(state) < probability[world]:
-                depth = wp.lerp(least, greatest, wp.randf(state))
-    target[world, pixel] = depth
+    limit = threshold[world]
+    chance = probability[world]
+    random = frame_state(randomness, world)
+    above = extremes(source, world, top - 1, column, size)
+    here = extremes(source, world, top, column, size)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        below = extremes(source, world, row + 1, column, size)
+        depth = source[world, pixel]
+        if is_measured(depth):
+            least, greatest = joined(above, here, below)
+            if greatest < wp.inf and greatest - least > limit:
+                state = wp.rand_init(random, pixel)
+                if wp.randf(state) < chance:
+                    depth = wp.lerp(least, greatest, wp.randf(state))
+        target[world, pixel] = depth
+        above = here
+        here = below
 
 
 @wp.kernel(enable_backward=False)
 def drop_grazing(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     views: wp.array(dtype=View),
     normals: wp.array4d(dtype=wp.float32),
     randomness: Randomness,
@@ -85,22 +117,28 @@ def drop_grazing(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, normals.shape[2])
-        beyond = wp.degrees(incidence(views[world], normals, world, row, column)) - start[world]
-        if beyond > 0.0:
-            if wp.randf(element_state(randomness, world, pixel)) * wp.max(end[world] - start[world], 0.0) < beyond:
-                depth = wp.float32(0.0)
-    target[world, pixel] = depth
+    view = views[world]
+    begin = start[world]
+    ramp = wp.max(end[world] - begin, 0.0)
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            beyond = wp.degrees(incidence(view, normals, world, row, column)) - begin
+            if beyond > 0.0:
+                if wp.randf(wp.rand_init(random, pixel)) * ramp < beyond:
+                    depth = wp.float32(0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def drop_dark(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     colors: wp.array4d(dtype=wp.uint8),
     randomness: Randomness,
     threshold: wp.array(dtype=wp.float32),
@@ -109,26 +147,30 @@ def drop_dark(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, colors.shape[2])
-        red = wp.float32(colors[world, row, column, 0])
-        green = wp.float32(colors[world, row, column, 1])
-        blue = wp.float32(colors[world, row, column, 2])
-        gray = 0.299 * red + 0.587 * green + 0.114 * blue
-        if gray < 255.0 * threshold[world]:
-            if wp.randf(element_state(randomness, world, pixel)) < probability[world]:
-                depth = wp.float32(0.0)
-    target[world, pixel] = depth
+    limit = 255.0 * threshold[world]
+    chance = probability[world]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            red = wp.float32(colors[world, row, column, 0])
+            green = wp.float32(colors[world, row, column, 1])
+            blue = wp.float32(colors[world, row, column, 2])
+            gray = 0.299 * red + 0.587 * green + 0.114 * blue
+            if gray < limit:
+                if wp.randf(wp.rand_init(random, pixel)) < chance:
+                    depth = wp.float32(0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def drop_at_random(
     mask: wp.array(dtype=wp.uint8),
-    width: wp.int32,
+    size: wp.vec2i,
     randomness: Randomness,
     probability: wp.array(dtype=wp.float32),
     cell: wp.array(dtype=wp.float32),
@@ -136,31 +178,39 @@ def drop_at_random(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, width)
-        state = element_state(randomness, world, cell_of(row, column, width, cell[world]))
-        if wp.randf(state) < probability[world]:
-            depth = wp.float32(0.0)
-    target[world, pixel] = depth
+    chance = probability[world]
+    side = cell_side(cell[world])
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            state = wp.rand_init(random, cell_of(row, column, size[0], side))
+            if wp.randf(state) < chance:
+                depth = wp.float32(0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def quantize_depth(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     unit: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth) and unit[world] > 0.0:
-        units = wp.floor(depth / unit[world] + 0.5)
-        depth = wp.where(units <= 65535.0, units * unit[world], 0.0)
-    target[world, pixel] = depth
+    step = unit[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth) and step > 0.0:
+            units = wp.floor(depth / step + 0.5)
+            depth = wp.where(units <= 65535.0, units * step, 0.0)
+        target[world, pixel] = depth

@@ -3,10 +3,10 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured, resolution
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.random import Randomness, frame_state
 
 wp.set_module_options(compiler_flags())
 
@@ -14,6 +14,7 @@ wp.set_module_options(compiler_flags())
 @wp.kernel(enable_backward=False)
 def shift_nearest(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     views: wp.array(dtype=View),
     normals: wp.array4d(dtype=wp.float32),
     randomness: Randomness,
@@ -25,30 +26,34 @@ def shift_nearest(
     first: wp.int32,
 ):
     """Depth of the pixel that lies at a random distance, which grows with the angle of incidence."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    height = normals.shape[1]
-    width = normals.shape[2]
-    row, column = row_and_column(pixel, width)
+    width, height = size[0], size[1]
     view = views[world]
-    sigma = constant[world]
-    if is_measured(source[world, pixel]):
-        sigma += angular[world] * grazing_ratio(incidence(view, normals, world, row, column))
-    sigma *= resolution(focal[world], view)
-    state = element_state(randomness, world, pixel)
-    x = wp.float32(column) + sigma * wp.randn(state)
-    y = wp.float32(row) + sigma * wp.randn(state)
-    column = wp.clamp(wp.int32(wp.floor(x + 0.5)), 0, width - 1)
-    row = wp.clamp(wp.int32(wp.floor(y + 0.5)), 0, height - 1)
-    target[world, pixel] = source[world, row * width + column]
+    least = constant[world]
+    growth = angular[world]
+    ratio = resolution(focal[world], view)
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * width + column
+        sigma = wp.float32(least)
+        if is_measured(source[world, pixel]):
+            sigma += growth * grazing_ratio(incidence(view, normals, world, row, column))
+        sigma *= ratio
+        state = wp.rand_init(random, pixel)
+        x = wp.float32(column) + sigma * wp.randn(state)
+        y = wp.float32(row) + sigma * wp.randn(state)
+        other_column = wp.clamp(wp.int32(wp.floor(x + 0.5)), 0, width - 1)
+        other_row = wp.clamp(wp.int32(wp.floor(y + 0.5)), 0, height - 1)
+        target[world, pixel] = source[world, other_row * width + other_column]
 
 
 @wp.kernel(enable_backward=False)
 def shift_bilinear(
     mask: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
-    width: wp.int32,
+    size: wp.vec2i,
     randomness: Randomness,
     shift: wp.array(dtype=wp.float32),
     focal: wp.array(dtype=wp.float32),
@@ -57,28 +62,30 @@ def shift_bilinear(
     first: wp.int32,
 ):
     """Depth at a random distance, bilinear where all four pixels are measured, else that of the nearest pixel."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    height = source.shape[1] // width
-    row, column = row_and_column(pixel, width)
+    width, height = size[0], size[1]
     sigma = shift[world] * resolution(focal[world], views[world])
-    state = element_state(randomness, world, pixel)
-    x = wp.clamp(wp.float32(column) + sigma * wp.randn(state), 0.0, wp.float32(width - 1))
-    y = wp.clamp(wp.float32(row) + sigma * wp.randn(state), 0.0, wp.float32(height - 1))
-    left = wp.int32(x)
-    top = wp.int32(y)
-    u = x - wp.float32(left)
-    v = y - wp.float32(top)
-    right = wp.min(left + 1, width - 1)
-    bottom = wp.min(top + 1, height - 1)
-    a = source[world, top * width + left]
-    b = source[world, top * width + right]
-    c = source[world, bottom * width + left]
-    d = source[world, bottom * width + right]
-    if is_measured(a) and is_measured(b) and is_measured(c) and is_measured(d):
-        target[world, pixel] = wp.lerp(wp.lerp(a, b, u), wp.lerp(c, d, u), v)
-    else:
-        nearest_column = wp.where(u < 0.5, left, right)
-        nearest_row = wp.where(v < 0.5, top, bottom)
-        target[world, pixel] = source[world, nearest_row * width + nearest_column]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * width + column
+        state = wp.rand_init(random, pixel)
+        x = wp.clamp(wp.float32(column) + sigma * wp.randn(state), 0.0, wp.float32(width - 1))
+        y = wp.clamp(wp.float32(row) + sigma * wp.randn(state), 0.0, wp.float32(height - 1))
+        left = wp.int32(x)
+        upper = wp.int32(y)
+        u = x - wp.float32(left)
+        v = y - wp.float32(upper)
+        right = wp.min(left + 1, width - 1)
+        lower = wp.min(upper + 1, height - 1)
+        a = source[world, upper * width + left]
+        b = source[world, upper * width + right]
+        c = source[world, lower * width + left]
+        d = source[world, lower * width + right]
+        if is_measured(a) and is_measured(b) and is_measured(c) and is_measured(d):
+            target[world, pixel] = wp.lerp(wp.lerp(a, b, u), wp.lerp(c, d, u), v)
+        else:
+            nearest_column = wp.where(u < 0.5, left, right)
+            nearest_row = wp.where(v < 0.5, upper, lower)
+            target[world, pixel] = source[world, nearest_row * width + nearest_column]

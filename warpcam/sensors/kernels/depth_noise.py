@@ -3,10 +3,10 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured
-from warpcam.sensors.kernels.random import Randomness, element_state, lasting_state
+from warpcam.sensors.kernels.random import Randomness, device_state, element_state, frame_state
 
 wp.set_module_options(compiler_flags())
 
@@ -14,6 +14,7 @@ wp.set_module_options(compiler_flags())
 @wp.kernel(enable_backward=False)
 def add_axial_noise(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     views: wp.array(dtype=View),
     normals: wp.array4d(dtype=wp.float32),
     randomness: Randomness,
@@ -25,22 +26,30 @@ def add_axial_noise(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, normals.shape[2])
-        beyond = depth - start[world]
-        ratio = grazing_ratio(incidence(views[world], normals, world, row, column))
-        sigma = constant[world] + quadratic[world] * beyond * beyond + angular[world] * ratio * ratio / wp.sqrt(depth)
-        depth = wp.max(depth + sigma * wp.randn(element_state(randomness, world, pixel)), 0.0)
-    target[world, pixel] = depth
+    view = views[world]
+    least = constant[world]
+    growth = quadratic[world]
+    begin = start[world]
+    by_angle = angular[world]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            beyond = depth - begin
+            ratio = grazing_ratio(incidence(view, normals, world, row, column))
+            sigma = least + growth * beyond * beyond + by_angle * ratio * ratio / wp.sqrt(depth)
+            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def add_polynomial_noise(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     constant: wp.array(dtype=wp.float32),
     linear: wp.array(dtype=wp.float32),
@@ -50,19 +59,27 @@ def add_polynomial_noise(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        sigma = wp.max(constant[world] + (linear[world] + quadratic[world] * depth) * depth, 0.0)
-        depth = wp.max(depth + offset[world] + sigma * wp.randn(element_state(randomness, world, pixel)), 0.0)
-    target[world, pixel] = depth
+    c0 = constant[world]
+    c1 = linear[world]
+    c2 = quadratic[world]
+    bias = offset[world]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            sigma = wp.max(c0 + (c1 + c2 * depth) * depth, 0.0)
+            depth = wp.max(depth + bias + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def add_ramp_noise(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     constant: wp.array(dtype=wp.float32),
     slope: wp.array(dtype=wp.float32),
@@ -71,32 +88,43 @@ def add_ramp_noise(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        sigma = constant[world] + slope[world] * wp.max(depth - start[world], 0.0)
-        depth = wp.max(depth + sigma * wp.randn(element_state(randomness, world, pixel)), 0.0)
-    target[world, pixel] = depth
+    least = constant[world]
+    growth = slope[world]
+    begin = start[world]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            sigma = least + growth * wp.max(depth - begin, 0.0)
+            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def add_bias(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     offset: wp.array(dtype=wp.float32),
     scale: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        depth = wp.max(scale[world] * depth + offset[world], 0.0)
-    target[world, pixel] = depth
+    factor = scale[world]
+    bias = offset[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            depth = wp.max(factor * depth + bias, 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
@@ -118,23 +146,28 @@ def walk(
 @wp.kernel(enable_backward=False)
 def add_drift(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     drift: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        depth = wp.max(depth + drift[world], 0.0)
-    target[world, pixel] = depth
+    bias = drift[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            depth = wp.max(depth + bias, 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def add_fixed_pattern(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     constant: wp.array(dtype=wp.float32),
     linear: wp.array(dtype=wp.float32),
@@ -142,11 +175,16 @@ def add_fixed_pattern(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        sigma = constant[world] + linear[world] * depth
-        depth = wp.max(depth + sigma * wp.randn(lasting_state(randomness, world, pixel)), 0.0)
-    target[world, pixel] = depth
+    least = constant[world]
+    growth = linear[world]
+    random = device_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            sigma = least + growth * depth
+            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+        target[world, pixel] = depth

@@ -48,7 +48,14 @@ def grazing_ratio(angle: wp.float32) -> wp.float32:
 
 
 @wp.func
-def cell_of(row: wp.int32, column: wp.int32, width: wp.int32, size: wp.float32) -> wp.int32:
-    """Number of the square cell of an image that a pixel lies in; ``size`` [pixels] is rounded, and at least 1."""
-    step = wp.max(wp.int32(size + 0.5), 1)
-    return (row // step) * width + column // step
+def cell_side(size: wp.float32) -> wp.int32:
+    """Side of the square cells of an image [pixels]: ``size``, rounded, and at least 1."""
+    return wp.max(wp.int32(size + 0.5), 1)
+
+
+@wp.func
+def cell_of(row: wp.int32, column: wp.int32, width: wp.int32, side: wp.int32) -> wp.int32:
+    """Number of the square cell of an image that a pixel lies in."""
+    if side == 1:
+        return row * width + column
+    return (row // side) * width + column // side

@@ -1,12 +1,12 @@
-"""Disparity of a stereo camera: noise, quantisation and the window that a match needs."""
+"""Disparity of a stereo camera: noise and quantisation."""
 
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
-from warpcam.sensors.kernels.depth_values import cell_of, focal_length, is_measured
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.depth_values import cell_of, cell_side, focal_length, is_measured
+from warpcam.sensors.kernels.random import Randomness, frame_state
 
 wp.set_module_options(compiler_flags())
 
@@ -15,7 +15,7 @@ wp.set_module_options(compiler_flags())
 def add_disparity_noise(
     mask: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
-    width: wp.int32,
+    size: wp.vec2i,
     randomness: Randomness,
     baseline: wp.array(dtype=wp.float32),
     sigma: wp.array(dtype=wp.float32),
@@ -26,22 +26,28 @@ def add_disparity_noise(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, width)
-        state = element_state(randomness, world, cell_of(row, column, width, cell[world]))
-        scale = focal_length(focal[world], views[world]) * baseline[world]
-        disparity = scale / depth + bias[world] + sigma[world] * wp.randn(state)
-        depth = wp.where(disparity > 0.0, scale / disparity, 0.0)
-    target[world, pixel] = depth
+    scale = focal_length(focal[world], views[world]) * baseline[world]
+    error = bias[world]
+    deviation = sigma[world]
+    side = cell_side(cell[world])
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth):
+            state = wp.rand_init(random, cell_of(row, column, size[0], side))
+            disparity = scale / depth + error + deviation * wp.randn(state)
+            depth = wp.where(disparity > 0.0, scale / disparity, 0.0)
+        target[world, pixel] = depth
 
 
 @wp.kernel(enable_backward=False)
 def quantize_disparity(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     views: wp.array(dtype=View),
     baseline: wp.array(dtype=wp.float32),
     step: wp.array(dtype=wp.float32),
@@ -50,59 +56,15 @@ def quantize_disparity(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = source[world, pixel]
-    if is_measured(depth) and step[world] > 0.0:
-        scale = focal_length(focal[world], views[world]) * baseline[world]
-        steps = wp.floor(scale / (depth * step[world]) + 0.5)
-        depth = wp.where(steps > 0.0, scale / (steps * step[world]), 0.0)
-    target[world, pixel] = depth
-
-
-@wp.kernel(enable_backward=False)
-def keep_matches(
-    mask: wp.array(dtype=wp.uint8),
-    views: wp.array(dtype=View),
-    width: wp.int32,
-    radius: wp.int32,
-    baseline: wp.array(dtype=wp.float32),
-    tolerance: wp.array(dtype=wp.float32),
-    share: wp.array(dtype=wp.float32),
-    focal: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-    first: wp.int32,
-):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] == wp.uint8(0):
-        return
-    depth = source[world, pixel]
-    if is_measured(depth):
-        row, column = row_and_column(pixel, width)
-        scale = focal_length(focal[world], views[world]) * baseline[world]
-        top = wp.max(row - radius, 0)
-        bottom = wp.min(row + radius + 1, source.shape[1] // width)
-        left = wp.max(column - radius, 0)
-        right = wp.min(column + radius + 1, width)
-        total = wp.float32(0.0)
-        valid = wp.float32(0.0)
-        for y in range(top, bottom):
-            for x in range(left, right):
-                other = source[world, y * width + x]
-                if is_measured(other):
-                    total += scale / other
-                    valid += 1.0
-        mean = total / valid
-        alike = wp.float32(0.0)
-        for y in range(top, bottom):
-            for x in range(left, right):
-                other = source[world, y * width + x]
-                distance = 1.44 * wp.float32((y - row) * (y - row) + (x - column) * (x - column))
-                weight = wp.where(distance > 0.0, 1.0 / distance, 1.0)
-                if is_measured(other) and weight * wp.abs(scale / other - mean) < tolerance[world]:
-                    alike += 1.0
-        if alike < share[world] * wp.float32((bottom - top) * (right - left)):
-            depth = wp.float32(0.0)
-    target[world, pixel] = depth
+    scale = focal_length(focal[world], views[world]) * baseline[world]
+    least = step[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        if is_measured(depth) and least > 0.0:
+            steps = wp.floor(scale / (depth * least) + 0.5)
+            depth = wp.where(steps > 0.0, scale / (steps * least), 0.0)
+        target[world, pixel] = depth

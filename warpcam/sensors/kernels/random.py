@@ -24,15 +24,27 @@ def world_state(randomness: Randomness, world: wp.int32, frame: wp.int32) -> wp.
 
 
 @wp.func
+def frame_state(randomness: Randomness, world: wp.int32) -> wp.int32:
+    """State that is common to a world's elements in this frame; ``wp.rand_init`` takes it and an element."""
+    return world_state(randomness, world, randomness.frames[world])
+
+
+@wp.func
+def device_state(randomness: Randomness, world: wp.int32) -> wp.int32:
+    """State that is common to a world's elements in all frames; ``wp.rand_init`` takes it and an element."""
+    return world_state(randomness, world, -1)
+
+
+@wp.func
 def element_state(randomness: Randomness, world: wp.int32, element: wp.int32) -> wp.uint32:
     """State of Warp's random generator for one element, most often a pixel, of a world in this frame.
 
     ``wp.randf``, ``wp.randn`` and ``wp.poisson`` draw from it, each the next number.
     """
-    return wp.rand_init(world_state(randomness, world, randomness.frames[world]), element)
+    return wp.rand_init(frame_state(randomness, world), element)
 
 
 @wp.func
 def lasting_state(randomness: Randomness, world: wp.int32, element: wp.int32) -> wp.uint32:
     """State that is equal in all frames: for what differs between two devices of a kind, like fixed patterns."""
-    return wp.rand_init(world_state(randomness, world, -1), element)
+    return wp.rand_init(device_state(randomness, world), element)

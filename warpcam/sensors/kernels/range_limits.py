@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 
 wp.set_module_options(compiler_flags())
 
@@ -24,6 +24,7 @@ def at_limit(distance: wp.float32, least: wp.float32, greatest: wp.float32) -> w
 @wp.kernel(enable_backward=False)
 def limit_range(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     least: wp.array(dtype=wp.float32),
     greatest: wp.array(dtype=wp.float32),
     invalid: wp.array(dtype=wp.float32),
@@ -31,9 +32,14 @@ def limit_range(
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    depth = at_limit(source[world, pixel], least[world], greatest[world])
-    within = depth > 0.0 and depth >= least[world] and depth <= greatest[world]
-    target[world, pixel] = wp.where(within, depth, invalid[world])
+    near = least[world]
+    far = greatest[world]
+    otherwise = invalid[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = at_limit(source[world, pixel], near, far)
+        within = depth > 0.0 and depth >= near and depth <= far
+        target[world, pixel] = wp.where(within, depth, otherwise)
