@@ -44,7 +44,10 @@ def windows(image: np.ndarray, radius: int, outside: float) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(padded, (2 * radius + 1, 2 * radius + 1), axis=(1, 2))
 
 
-@pytest.mark.parametrize(("radius", "tolerance", "share"), [(1, 0.1, 0.89), (2, 0.1, 0.83), (4, 0.1, 0.81), (7, 0.03, 0.91)])
+WINDOWS = [(1, 0.1, 0.89), (2, 0.1, 0.83), (4, 0.1, 0.81), (7, 0.03, 0.91)]
+
+
+@pytest.mark.parametrize(("radius", "tolerance", "share"), WINDOWS)
 @pytest.mark.parametrize(("width", "height"), [*SIZES, (37, 30)])
 def test_windows_match_by_their_rule(
     radius: int, tolerance: float, share: float, width: int, height: int, device: wp.Device
