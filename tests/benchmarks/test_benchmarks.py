@@ -174,7 +174,7 @@ def test_what_peers_do_not_draw_is_compared_with_none(
 def test_sweep_has_points_and_a_plot(name: str, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     out, plot = tmp_path / "sweep.json", tmp_path / "sweep.svg"
-    points = ("16", "24") if name == "pixels" else ("2", "100") if name == "faces" else ("1", "3")
+    points = {"pixels": ("16", "24"), "faces": ("2", "100"), "samples": ("1", "8")}.get(name, ("1", "3"))
     few: tuple[str, ...] = () if name == "worlds" else ("--worlds", "2")
     few += () if name == "pixels" else ("--size", "16x16")
     asked = ("--points", *points, *few, "--replays", "1", "--device", "cpu")

@@ -235,6 +235,8 @@ def test_a_corpus_run_tells_what_became_of_each_file(tmp_path: Path, capfd: pyte
 
 @pytest.mark.skipif(sys.platform != "linux", reason="it forks, and looks into /proc")
 def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gib = corpus.resident(os.getpid()) + 0.6  # a child begins with most of what this process holds
+
     def fails(kind: str) -> Any:
         def render(path: Path) -> str:
             if kind == "hung":
@@ -242,7 +244,7 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
             if kind == "crashed (-9)":
                 os.kill(os.getpid(), 9)
             if kind == "took too much memory":
-                block = np.ones(1_300_000_000, np.uint8)
+                block = np.ones(int((gib + 0.5) * 2**30), np.uint8)
                 time.sleep(5)
                 return str(block.sum())
             raise KeyError(path)
@@ -251,7 +253,6 @@ def test_a_corpus_run_sees_what_goes_wrong(tmp_path: Path, monkeypatch: pytest.M
 
     for kind in ("hung", "crashed (-9)", "took too much memory", "raised something else"):
         monkeypatch.setattr(corpus, "render", fails(kind))
-        gib = corpus.resident(os.getpid()) + 0.6  # a child begins with what this process holds
         assert corpus.attempt(tmp_path, 0.5 if kind == "hung" else 20.0, gib).what == kind
 
 
