@@ -89,7 +89,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
                 "each env needs a world of its own"
             )
         self._renderer, self._forward = eyes, forward
-        self._eyes = renderer
+        self._source = renderer
         self._layout, self._concatenate, self._state = layout, concatenate, state
         self._torch, self._copy = arrays == "torch", copy
         self._images = {
@@ -159,13 +159,13 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         return tuple(torch_interop.to_numpy(self._frames).copy())
 
     def _render(self, worlds: Any = None) -> None:
-        draw = self._eyes.read if isinstance(self._eyes, Rig) else self._eyes.render
+        draw = self._source.read if isinstance(self._source, Rig) else self._source.render
         draw(worlds=worlds, forward=self._forward)
 
     def _forget(self, worlds: Any) -> None:
         """Clear the flow, and what sensors remember, of worlds that have jumped to another state."""
         if self._forgets:
-            self._eyes.reset(worlds)
+            self._source.reset(worlds)
 
     def _reset_ended(self, last: Any, ended: Any, infos: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
         """Begin new episodes in the worlds whose episodes have ended; the observation and infos of the step."""

@@ -123,3 +123,13 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path, capsys: pytest.CaptureFixt
     (tmp_path / "file").touch()
     assert cli.main(["train", "cartpole", "--device", "cpu", "--out", str(tmp_path / "file" / "run")]) == 2
     assert "--out: " in capsys.readouterr().err
+
+
+def test_a_missing_encoder_is_told_before_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    monkeypatch.delitem(sys.modules, "warpcam.train.recorder", raising=False)
+    assert cli.main(["train", "cartpole", "--device", "cpu", "--out", str(tmp_path / "run")]) == 2
+    told = capsys.readouterr()
+    assert "imageio_ffmpeg is not installed" in told.err and "mean return" not in told.out

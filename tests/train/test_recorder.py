@@ -74,10 +74,9 @@ def test_episodes_of_the_first_world_are_files(device: wp.Device, tmp_path: Path
     assert len(read(tmp_path / "run-2.mp4")) == 4
 
 
-def test_the_loop_does_not_wait_for_the_encoder(
-    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An encoder that stands still costs frames, which one warning tells, and no time."""
+@pytest.fixture
+def go(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
+    """Encoders stand still until it is set."""
     go, write = threading.Event(), imageio_ffmpeg.write_frames
 
     def slow(*arguments: object, **options: object) -> object:
@@ -85,6 +84,11 @@ def test_the_loop_does_not_wait_for_the_encoder(
         return write(*arguments, **options)
 
     monkeypatch.setattr(imageio_ffmpeg, "write_frames", slow)
+    return go
+
+
+def test_the_loop_does_not_wait_for_the_encoder(device: wp.Device, tmp_path: Path, go: threading.Event) -> None:
+    """An encoder that stands still costs frames, which one warning tells, and no time."""
     recorder = Recorder(tmp_path / "video.mp4", worlds=(0,), pending=4)
     for frame in range(4):
         recorder.add(images_of(device, frame))
@@ -98,16 +102,7 @@ def test_the_loop_does_not_wait_for_the_encoder(
     assert len(read(tmp_path / "video.mp4")) == 4
 
 
-def test_ends_of_frames_that_are_left_out_are_ends(
-    device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    go, write = threading.Event(), imageio_ffmpeg.write_frames
-
-    def slow(*arguments: object, **options: object) -> object:
-        assert go.wait(60.0)
-        return write(*arguments, **options)
-
-    monkeypatch.setattr(imageio_ffmpeg, "write_frames", slow)
+def test_ends_of_frames_that_are_left_out_are_ends(device: wp.Device, tmp_path: Path, go: threading.Event) -> None:
     recorder = Recorder(tmp_path / "run.mp4", worlds=(0,), pending=2, episodes=lambda number: True)
     ends = torch.ones(5, dtype=torch.bool, device=torch_interop.device_of(device))
     recorder.add(images_of(device, 0))

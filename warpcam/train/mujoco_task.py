@@ -35,8 +35,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     the attributes of the class, and the methods that begin with one underscore. All numbers are tensors on the device,
     (world, ...).
 
-    Observations are ``state``, for critics and checks, and in tasks with ``senses`` a dictionary that has
-    ``proprioception``, too: what a robot knows of itself. Actions are from -1 to 1.
+    Observations are states, (world, number), for critics and checks. Actions are from -1 to 1.
 
     Args:
         num_envs: Worlds.
@@ -59,7 +58,6 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     num_starts: ClassVar[int]  # random numbers with which an episode begins
     num_states: ClassVar[int]
     most: ClassVar[float] = 1.0  # reward of a step
-    senses: ClassVar[int] = 0  # numbers of proprioception
     camera: ClassVar[str]  # sees what the policy sees
     view: ClassVar[str]  # sees what is shown in videos
     output: ClassVar[str] = "rgb"
@@ -73,10 +71,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     ) -> None:
         self.num_envs = num_envs
         self.max_episode_length = self.length if max_episode_length is None else max_episode_length
-        boxes = {"state": gymnasium.spaces.Box(-np.inf, np.inf, (self.num_states,), np.float32)}
-        if self.senses:
-            boxes["proprioception"] = gymnasium.spaces.Box(-np.inf, np.inf, (self.senses,), np.float32)
-        self.single_observation_space = gymnasium.spaces.Dict(boxes) if self.senses else boxes["state"]
+        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.num_states,), np.float32)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.num_actions,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

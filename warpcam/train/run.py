@@ -1,6 +1,7 @@
 """The command ``warpcam train``, which is ``python -m warpcam.train``, too."""
 
 import argparse
+import importlib
 import json
 import re
 import time
@@ -34,12 +35,13 @@ def run(options: argparse.Namespace) -> int:
     from warpcam.train.tasks import TASKS
 
     width, height = _checked(options)
+    if not options.profile:
+        importlib.import_module("warpcam.train.recorder")  # if its encoder is missing, that is told before all work
     rank, kind = Rank.here(), TASKS[options.task]
     task = kind(options.worlds, device=rank.device(options.device), seed=rank.seed(options.seed))
-    groups = [task.image, "proprioception"] if task.senses else [task.image]
     from_pixels = options.critic == "pixels"
     config = ppo.settings(
-        groups, groups if from_pixels else ["state"], images=from_pixels, seed=options.seed, **kind.ppo
+        [task.image], [task.image if from_pixels else "state"], images=from_pixels, seed=options.seed, **kind.ppo
     )
     told_of: dict[str, Any] = {
         "task": options.task,
