@@ -29,8 +29,8 @@ class EdgeDropout(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability, 0]
-        return [frame.per_strip(kernels.change_edges, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability]
+        return [frame.per_strip(kernels.drop_edges, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +53,8 @@ class FlyingPixels(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability, 1]
-        return [frame.per_strip(kernels.change_edges, [*inputs, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, frame.randomness, params.threshold, params.probability]
+        return [frame.per_strip(kernels.mix_edges, [*inputs, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,18 +38,16 @@ def joined(above: wp.vec2, here: wp.vec2, below: wp.vec2):
 
 
 @wp.kernel(enable_backward=False)
-def change_edges(
+def drop_edges(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     randomness: Randomness,
     threshold: wp.array(dtype=wp.float32),
     probability: wp.array(dtype=wp.float32),
-    mixes: wp.int32,
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    """Drop depth at edges or, if ``mixes`` is 1, draw it between the surfaces; beside misses nothing is mixed."""
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
@@ -64,12 +62,43 @@ def change_edges(
         depth = source[world, pixel]
         if is_measured(depth):
             least, greatest = joined(above, here, below)
-            if greatest - least > limit and (mixes == 0 or greatest < wp.inf):
+            if greatest - least > limit:
+                if wp.randf(wp.rand_init(random, pixel)) < chance:
+                    depth = wp.float32(0.0)
+        target[world, pixel] = depth
+        above = here
+        here = below
+
+
+@wp.kernel(enable_backward=False)
+def mix_edges(
+    mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
+    randomness: Randomness,
+    threshold: wp.array(dtype=wp.float32),
+    probability: wp.array(dtype=wp.float32),
+    source: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
+    first: wp.int32,
+):
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    limit = threshold[world]
+    chance = probability[world]
+    random = frame_state(randomness, world)
+    above = extremes(source, world, top - 1, column, size)
+    here = extremes(source, world, top, column, size)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        below = extremes(source, world, row + 1, column, size)
+        depth = source[world, pixel]
+        if is_measured(depth):
+            least, greatest = joined(above, here, below)
+            if greatest < wp.inf and greatest - least > limit:
                 state = wp.rand_init(random, pixel)
                 if wp.randf(state) < chance:
-                    depth = wp.float32(0.0)
-                    if mixes != 0:
-                        depth = wp.lerp(least, greatest, wp.randf(state))
+                    depth = wp.lerp(least, greatest, wp.randf(state))
         target[world, pixel] = depth
         above = here
         here = below
