@@ -11,6 +11,9 @@ from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Rays
 from warpcam.camera.wide_lenses import DoubleSphere, Equirectangular, ExtendedUnified, Omnidirectional
 from warpcam.core.errors import WarpcamError
+from warpcam.labeling.camera_labels import CameraLabels
+from warpcam.labeling.keypoints import site_keypoints
+from warpcam.labeling.labels import Labels, labels
 from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
 from warpcam.render.memory import Memory, estimate_memory
@@ -27,6 +30,7 @@ except _PackageNotFoundError:  # run from its sources
 __all__ = [
     "Calibration",
     "Camera",
+    "CameraLabels",
     "Choice",
     "Distorted",
     "DoubleSphere",
@@ -36,6 +40,7 @@ __all__ = [
     "FTheta",
     "Fisheye",
     "KannalaBrandt",
+    "Labels",
     "Lens",
     "Light",
     "Memory",
@@ -55,7 +60,9 @@ __all__ = [
     "from_mujoco_warp",
     "from_newton",
     "from_usd",
+    "labels",
     "load",
     "randomize",
     "read_calibration",
+    "site_keypoints",
 ]

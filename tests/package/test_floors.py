@@ -20,7 +20,7 @@ HEADER_FLOORS = (
     ("flow", "shading"),
     ("traversal", "splats"),
     ("shadow", "antialiasing", "shading_pass"),
-    ("build", "sensors"),
+    ("build", "labels", "sensors"),
 )
 # Likewise of modules; a module is in the room with the longest name that its own begins with.
 PYTHON_FLOORS = (
@@ -33,7 +33,7 @@ PYTHON_FLOORS = (
     ("warpcam.outputs",),
     ("warpcam.scene",),
     ("warpcam.render", "warpcam.sources"),
-    ("warpcam.sensors",),
+    ("warpcam.labeling", "warpcam.sensors"),
     ("warpcam.jax",),
     ("warpcam.randomize",),
     ("warpcam.load",),

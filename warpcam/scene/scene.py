@@ -256,6 +256,9 @@ class Scene:
         """Body of each shape, as ``body`` counts them, (world or 1, shape) int32; -1 for none, -2 for no shape."""
         return self._parts.bodies_of_shapes()
 
+    def shape_ids(self, output: str) -> np.ndarray:
+        return self._parts.ids_of_shapes(output)
+
     def tables(self) -> SceneTables:
         """The scene for the kernels: the same object until the source's arrays are others."""
         theirs = self._source.arrays()

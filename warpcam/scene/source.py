@@ -122,6 +122,22 @@ class SceneDescription:
             return np.asarray(self.shape_bodies, np.int32)[None]
         return np.where(self.shape_ids == -1, -2, np.append(self.body_places, -1)[self.body_ids]).astype(np.int32)
 
+    def ids_of_shapes(self, output: str) -> np.ndarray:
+        """What an image of ids shows for each shape, (world or 1, shape) int32; -1 for none, or no shape.
+
+        Args:
+            output: "segmentation", "bodies", "instances" or "semantics".
+        """
+        count, bodies = len(self.shape_types), self.shape_bodies if self.body_ids is None else self.body_ids
+        tables = {
+            "segmentation": np.arange(count) if self.shape_ids is None else self.shape_ids,
+            "bodies": bodies,
+            "instances": np.full(count, -1) if self.shape_instances is None else self.shape_instances,
+            "semantics": np.zeros(count) if self.shape_semantics is None else self.shape_semantics,
+        }
+        found = np.atleast_2d(tables[output])
+        return np.where(False if self.shape_ids is None else self.shape_ids == -1, -1, found).astype(np.int32)
+
 
 @dataclass(frozen=True)
 class LiveArray:

@@ -1,0 +1,175 @@
+// What each instance would cover of an image if nothing else were there: its own shapes are traced alone.
+//
+// Rays, shapes and culls are those of the trace. A region's covered pixels are bits in shared memory, so that shapes may
+// come in several passes.
+#pragma once
+#include "traversal/visibility.h"
+
+namespace warpcam {
+
+constexpr int COVER_SIZE = 64;  // pixels of a region's side
+constexpr int COVER_WORDS = COVER_SIZE * COVER_SIZE / 32, ROW_WORDS = COVER_SIZE / 32;
+constexpr int EXTENT_NUMBERS = 5;  // left, top, right, bottom, pixels; warpcam/labeling/kernels.py has the same
+
+WARPCAM_DEVICE int leading_zeros(unsigned bits)
+{
+#if defined(__CUDA_ARCH__)
+    return __clz(int(bits));
+#else
+    return bits ? __builtin_clz(bits) : 32;
+#endif
+}
+
+WARPCAM_DEVICE int bits_in(unsigned bits)
+{
+#if defined(__CUDA_ARCH__)
+    return __popc(bits);
+#else
+    return __builtin_popcount(bits);
+#endif
+}
+
+// Extends an extent, {left, top, right, bottom, pixels}, half-open, by pixels of a box. Threads of a block or of several
+// may do so at once; on a CPU one thread alone has an instance.
+WARPCAM_DEVICE void extend(int* extent, int left, int top, int right, int bottom, int pixels)
+{
+#if defined(__CUDA_ARCH__)
+    atomicMin(extent, left);
+    atomicMin(extent + 1, top);
+    atomicMax(extent + 2, right);
+    atomicMax(extent + 3, bottom);
+    atomicAdd(extent + 4, pixels);
+#else
+    extent[0] = min(extent[0], left);
+    extent[1] = min(extent[1], top);
+    extent[2] = max(extent[2], right);
+    extent[3] = max(extent[3], bottom);
+    extent[4] += pixels;
+#endif
+}
+
+// Target of the trace: a bit for each pixel of a region.
+template <class Types, int LENS> struct CoverTarget {
+    static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, TILE_COLUMNS_PER_WARP = 1, part = 0, parts = 1;
+    static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
+
+    const Camera& camera;
+    Region region;
+    int width, height;  // of the image
+    unsigned* covered;  // COVER_WORDS
+
+    WARPCAM_DEVICE unsigned* word(int i, int j) const
+    {
+        return covered + (j - region.top) * ROW_WORDS + (i - region.left) / 32;
+    }
+    WARPCAM_DEVICE unsigned bit(int i) const { return 1u << (i - region.left) % 32; }
+
+    WARPCAM_DEVICE CameraRay<LENS> ray(int i, int j) const { return view_ray<LENS>(camera, i, j); }
+
+    // Rays outside of the image, without a direction, or of pixels that are covered hit nothing.
+    WARPCAM_DEVICE Hit start(int i, int j, bool) const
+    {
+        bool traced = i < width && j < height;
+        if constexpr (has_table(LENS))
+            traced = traced && !sees_nothing(ray(i, j));
+        return { traced && !(*word(i, j) & bit(i)) ? camera.far : -1.0f, -1, -1 };
+    }
+
+    WARPCAM_DEVICE void write_hit(int i, int j, const Hit& hit, bool) const
+    {
+        if (hit.shape < 0)
+            return;
+#if defined(__CUDA_ARCH__)
+        atomicOr(word(i, j), bit(i));
+#else
+        *word(i, j) |= bit(i);
+#endif
+    }
+
+    WARPCAM_DEVICE bool write_seen_plane(int, int, const Hit (&)[1], int) const { return false; }
+    WARPCAM_DEVICE void put_tiles(int i, int j, const CameraRay<LENS> (&)[1], const Hit (&hits)[1], bool first_pass,
+                                  float*) const
+    {
+        write_hit(i, j, hits[0], first_pass);
+    }
+};
+
+// Adds what is covered of a region to an extent; for all threads of the block.
+WARPCAM_DEVICE void add_covered(const unsigned* covered, const Region& region, int* extent, int thread)
+{
+    for (int row = thread; row < region.height; row += THREADS) {
+        const unsigned low = covered[ROW_WORDS * row], high = covered[ROW_WORDS * row + 1];
+        if ((low | high) == 0u)
+            continue;
+        const int left = low ? ctz(low) : 32 + ctz(high),
+                  right = high ? 64 - leading_zeros(high) : 32 - leading_zeros(low);
+        extend(extent, region.left + left, region.top + row, region.left + right, region.top + row + 1,
+               bits_in(low) + bits_in(high));
+    }
+}
+
+// Extends the extent of one instance in one view by what its shapes cover of some of the image's regions. `index`
+// counts worlds, then instances, then parts, then (CUDA) threads of the block. `cover`: Cover of
+// warpcam/labeling/kernels.py.
+template <class Types, int LENS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields,
+          class Views, class Cover>
+WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
+                                   const HeightFields& fields, const Views& views, const Cover& cover, int index)
+{
+    WARPCAM_SHARED ShapeList<CAPACITY> list;
+    alignas(16) WARPCAM_SHARED Camera camera;
+    WARPCAM_SHARED unsigned covered[COVER_WORDS];
+    WARPCAM_SHARED int extent[EXTENT_NUMBERS];
+    const int thread = index % THREADS, block = index / THREADS, instances = cover.extents.shape[1];
+    const int part = block % cover.parts, one = block / cover.parts, instance = one % instances,
+              world = one / instances;
+    const auto& starts = cover.members.starts;
+    const int row = starts.shape[0] == 1 ? 0 : world;
+    const int first = wp::index(starts, row, instance), count = wp::index(starts, row, instance + 1) - first;
+    if (!wp::index(cover.mask, world) || count == 0)
+        return;
+    Shapes own = shapes;  // of which the instance's alone are drawn
+    own.drawn.data = wp::address(cover.members.columns, row, first);
+    own.drawn.shape[0] = count;
+    if (thread == 0) {
+        camera = load_camera(wp::index(views, world));
+        extent[0] = extent[1] = 0x7fffffff;
+        extent[2] = extent[3] = extent[4] = 0;
+    }
+    block_sync();
+    if (!(abs(camera.origin.x) < MISS))
+        return;
+    const auto hidden = [&](int id, bool formless) { return formless || transparent(shapes, materials, world, id); };
+    const int across = (cover.width + COVER_SIZE - 1) / COVER_SIZE,
+              regions = across * ((cover.height + COVER_SIZE - 1) / COVER_SIZE);
+    for (int number = part; number < regions; number += cover.parts) {
+        Region region { number % across * COVER_SIZE, number / across * COVER_SIZE, 0, 0 };
+        region.width = min(COVER_SIZE, (cover.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
+        region.height = min(COVER_SIZE, (cover.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
+        const CoverTarget<Types, LENS> target { camera, region, cover.width, cover.height, covered };
+        for (int word = thread; word < COVER_WORDS; word += THREADS)
+            covered[word] = 0u;
+        int begin = 0;
+        do {
+            if (thread == 0)
+                begin_list(list);
+            block_sync();
+            begin = build_shape_list<Types, LENS, false, false>(list, begin, own, meshes, fields, hidden, camera,
+                                                                region, world, thread);
+            if (list.broken)  // the world shows nothing
+                return;
+            if (list.count > 0) {
+                sort_by_depth(list, thread, [](int, int) {});
+                block_sync();
+                draw_tiles<Types, LENS>(list, target, meshes, fields, true);
+            }
+            block_sync();
+        } while (begin < count);
+        add_covered(covered, region, extent, thread);
+        block_sync();
+    }
+    if (thread == 0 && extent[4] > 0)
+        extend(wp::address(cover.extents, world, instance, 0), extent[0], extent[1], extent[2], extent[3], extent[4]);
+}
+
+}  // namespace warpcam

@@ -1,0 +1,213 @@
+"""Stages that label the images of one camera."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.core import torch_interop
+from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
+from warpcam.kernels.plan import launches
+from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.scene_tables import SceneTables
+from warpcam.labeling import kernels
+from warpcam.labeling.camera_labels import CameraLabels
+from warpcam.labeling.instances import Instances
+from warpcam.render.drawn_cameras import DrawnCamera
+
+RUN = 32  # pixels that a CUDA thread reads
+MAX_THREADS = 2**31  # of a launch, and one more
+
+
+@dataclass(frozen=True, eq=False)
+class SharedArrays:
+    """What the labels of all cameras have in common.
+
+    Attributes:
+        instances: Which there are.
+        boxes: ``kernels.Boxes``.
+        keys: (row, instance) int32: their ids, ABSENT where a world lacks one.
+        keypoints: ``kernels.Keypoints``, without what is a camera's own.
+        num_keypoints: How many.
+        tolerance: Of keypoints [m].
+        amodal: Instances are traced alone.
+    """
+
+    instances: Instances
+    boxes: Any
+    keys: wp.array
+    keypoints: Any
+    num_keypoints: int
+    tolerance: float
+    amodal: bool
+
+
+class CameraStages:
+    """Arrays of one camera's labels, and the stages that write them.
+
+    Attributes:
+        labels: Tensors over these arrays.
+    """
+
+    def __init__(self, drawn: DrawnCamera, ids: wp.array, shown: tuple[str, wp.array] | None, common: SharedArrays):
+        """Allocate the arrays.
+
+        Args:
+            drawn: The camera.
+            ids: Image of the instances' ids, (world, height, width, 1).
+            shown: Output that keypoints are compared with, and its image, likewise; None without keypoints.
+            common: What all cameras have.
+        """
+        self._drawn, self._common, self._ids, self._shown = drawn, common, ids, shown
+        self._worlds, self._count = ids.shape[0], common.keys.shape[1]
+        self._device = ids.device
+        worlds, count, points = self._worlds, self._count, common.num_keypoints
+        self._lens = launches.LENSES[drawn.projection]
+        extents = self._extents = kernels.ImageExtents()
+        extents.visible = self._zeros((worlds, count, kernels.EXTENT_NUMBERS), wp.int32)
+        extents.visible_boxes = self._zeros((worlds, count, 4), wp.int32)
+        extents.visible_pixels = self._zeros((worlds, count), wp.int32)
+        extents.amodal_boxes = self._zeros((worlds, count, 4), wp.int32)
+        extents.amodal_pixels = self._zeros((worlds, count), wp.int32)
+        extents.visibility = self._zeros((worlds, count), wp.float32)
+        extents.truncated = self._zeros((worlds, count), wp.uint8)
+        if common.amodal:
+            extents.amodal = self._zeros((worlds, count, kernels.EXTENT_NUMBERS), wp.int32)
+        else:
+            extents.amodal_boxes.fill_(-1)
+            extents.amodal_pixels.fill_(-1)
+            extents.visibility.fill_(np.nan)
+        poses = self._poses = kernels.Poses()
+        poses.positions, poses.rotations = self._zeros((worlds, count), wp.vec3), self._zeros((worlds, count), wp.vec4)
+        poses.corners = self._zeros((worlds, kernels.CORNERS * count), wp.vec3)
+        poses.centers, poses.depths = self._zeros((worlds, count), wp.vec3), self._zeros((worlds, count), wp.float32)
+        keypoints = self._keypoints = kernels.Keypoints()
+        keypoints.bodies, keypoints.offsets = common.keypoints.bodies, common.keypoints.offsets
+        keypoints.points = self._zeros((worlds, points), wp.vec3)
+        keypoints.depths = self._zeros((worlds, points), wp.float32)
+        keypoints.visibility = self._zeros((worlds, points), wp.uint8)
+        self._corners, self._centers = self._projection(poses.corners), self._projection(poses.centers)
+        self._points = self._projection(keypoints.points, distances=True)
+        self.labels = self._tensors()
+
+    def bind(self, tables: SceneTables, shapes: np.ndarray) -> list[Stage]:
+        """Bind the stages of a frame, after those that write ``boxes``.
+
+        Args:
+            tables: The scene.
+            shapes: Those that the camera sees, ascending.
+        """
+        mask, extents, instances = self._common.boxes.mask, self._extents, self._worlds * self._count
+        height, width = self._ids.shape[1:3]
+        run = RUN if self._device.is_cuda else width * height
+        image = self._ids.reshape((self._worlds, height, width))
+        runs = self._worlds * -(-width * height // run)
+        stages = [
+            self._launch(kernels.clear_extents, instances, [mask, extents]),
+            self._launch(kernels.count_visible, runs, [mask, self._common.keys, image, run, extents]),
+        ]
+        if self._common.amodal:
+            stages.append(self._bind_cover(tables, shapes))
+        stages += [
+            self._launch(kernels.write_extents, instances, [mask, width, height, extents]),
+            self._launch(kernels.place_instances, instances, [self._drawn.views, self._common.boxes, self._poses]),
+            self._bind_projection(self._corners),
+            self._bind_projection(self._centers),
+        ]
+        return stages + ([] if self._shown is None else self._bind_keypoints(*self._shown))
+
+    def _bind_cover(self, tables: SceneTables, shapes: np.ndarray) -> Stage:
+        """The stage that traces each instance alone."""
+        device = self._device
+        columns, starts = self._common.instances.members(shapes)
+        cover = kernels.Cover()
+        cover.mask, cover.extents = self._common.boxes.mask, self._extents.amodal
+        cover.members = members_struct(columns, starts, device)
+        cover.height, cover.width = self._ids.shape[1:3]
+        largest = int(np.diff(starts, axis=1).max())
+        most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
+        types = launches.scene_types(tables, device, lit=False)
+        key = kernels.CoverKey(types, self._lens, launches.list_capacity(largest, device, most))
+        regions = launches.regions_of(cover.width, cover.height, (kernels.REGION, kernels.REGION))
+        threads = launches.world_threads(self._count, device) * self._worlds
+        cover.parts = max(1, min(regions, (MAX_THREADS - 1) // threads)) if device.is_cuda else 1
+        arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, self._drawn.views, cover]
+        return self._launch(kernels.cover_kernel(key), threads * cover.parts, arguments, launches.THREADS)
+
+    def _bind_projection(self, projection: Any) -> Stage:
+        return self._launch(
+            kernels.projection_kernel(self._lens), projection.points.size, [self._drawn.views, projection]
+        )
+
+    def _bind_keypoints(self, output: str, shown: wp.array) -> list[Stage]:
+        """Stages that project keypoints and look at what their pixels show."""
+        camera, views, keypoints = self._drawn.camera, self._drawn.views, self._keypoints
+        count, image = keypoints.points.size, shown.reshape(shown.shape[:3])
+        kind = kernels.DISTANCE if output == "distance" else kernels.PLANAR_DEPTH
+        is_table, zero_is_miss = (
+            self._drawn.projection in launches.TABLES,
+            camera.depth_clipping == "zero" and output == "depth",
+        )
+        settings = [image, kind, int(is_table), int(zero_is_miss), self._common.tolerance]
+        return [
+            self._launch(kernels.place_keypoints, count, [views, self._common.boxes, keypoints]),
+            self._bind_projection(self._points),
+            self._launch(kernels.test_keypoints, count, [views, self._points, *settings, keypoints]),
+        ]
+
+    def _launch(self, kernel: wp.Kernel, dim: int, arguments: list[Any], block_dim: int | None = None) -> Stage:
+        if dim >= MAX_THREADS:
+            raise WarpcamError(
+                f"labels: {self._count} instances in {self._worlds} worlds need {dim} threads, below 2^31 are allowed; "
+                "choose some by ids"
+            )
+        more = {} if block_dim is None else {"block_dim": block_dim}
+        return bind_launch(kernel, dim, arguments, self._device, **more)
+
+    def _projection(self, points: wp.array, distances: bool = False) -> Any:
+        projection = kernels.Projection()
+        projection.mask, projection.points = self._common.boxes.mask, points
+        projection.pixels = self._zeros(points.shape, wp.vec2)
+        projection.distances = self._zeros(points.shape if distances else (0, 0), wp.float32)
+        return projection
+
+    def _tensors(self) -> CameraLabels:
+        extents, poses, keypoints, boxes = self._extents, self._poses, self._keypoints, self._common.boxes
+        worlds, count = self._worlds, self._count
+
+        def tensor(array: wp.array, *shape: int) -> torch_interop.Tensor:
+            """The array's numbers in a shape."""
+            numbers = shared(array, shape, wp.float32) if array.size else self._zeros(shape, wp.float32)
+            return torch_interop.to_torch(numbers)
+
+        return CameraLabels(
+            visible_boxes=torch_interop.to_torch(extents.visible_boxes),
+            visible_pixels=torch_interop.to_torch(extents.visible_pixels),
+            amodal_boxes=torch_interop.to_torch(extents.amodal_boxes),
+            amodal_pixels=torch_interop.to_torch(extents.amodal_pixels),
+            visibility=torch_interop.to_torch(extents.visibility),
+            truncated=torch_interop.to_torch(extents.truncated),
+            positions=tensor(poses.positions, worlds, count, 3),
+            rotations=tensor(poses.rotations, worlds, count, 4),
+            box_centers=tensor(boxes.centers, worlds, count, 3),
+            half_extents=tensor(boxes.half_extents, worlds, count, 3),
+            corners=tensor(self._corners.pixels, worlds, count, kernels.CORNERS, 2),
+            centers=tensor(self._centers.pixels, worlds, count, 2),
+            depths=torch_interop.to_torch(poses.depths),
+            keypoints=tensor(self._points.pixels, worlds, keypoints.points.shape[1], 2),
+            keypoint_depths=torch_interop.to_torch(keypoints.depths),
+            keypoint_visibility=torch_interop.to_torch(keypoints.visibility),
+        )
+
+    def _zeros(self, shape: Any, dtype: Any) -> wp.array:
+        return wp.zeros(shape, dtype=dtype, device=self._device)
+
+
+def members_struct(columns: np.ndarray, starts: np.ndarray, device: wp.Device) -> Any:
+    """``kernels.Members`` of what ``Instances.members`` returns."""
+    members = kernels.Members()
+    members.columns = wp.array(columns, dtype=wp.int32, device=device)
+    members.starts = wp.array(starts, dtype=wp.int32, device=device)
+    return members
