@@ -50,9 +50,7 @@ def extents(masks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def on_host(labels: wc.CameraLabels) -> dict[str, np.ndarray]:
-    return {
-        name: value.cpu().numpy().copy() for name, value in vars(labels).items() if isinstance(value, torch.Tensor)
-    }
+    return {name: value.cpu().numpy().copy() for name, value in vars(labels).items() if isinstance(value, torch.Tensor)}
 
 
 def turned(quaternion: np.ndarray, vectors: np.ndarray) -> np.ndarray:

@@ -40,8 +40,8 @@ class CameraLabels:
             for corners.
         keypoint_depths: float32 (world, keypoint): their planar depths [m], negative behind the camera.
         keypoint_visibility: uint8 (world, keypoint), COCO's v: 0 outside the image or of the range from ``near`` to
-            ``far``, 1 hidden, 2 visible: what the pixel shows that it comes to is not nearer than the keypoint by more
-            than the tolerance.
+            ``far``, 1 hidden, 2 visible: the camera's ray to the keypoint meets no surface that is nearer by more than
+            the tolerance. What can be seen through hides as if it were solid, as it does in depth.
     """
 
     visible_boxes: Tensor

@@ -51,19 +51,18 @@ class CameraStages:
         labels: Tensors over these arrays.
     """
 
-    def __init__(self, drawn: DrawnCamera, ids: wp.array, shown: tuple[str, wp.array] | None, common: SharedArrays):
+    def __init__(self, drawn: DrawnCamera, ids: wp.array, common: SharedArrays):
         """Allocate the arrays.
 
         Args:
             drawn: The camera.
             ids: Image of the instances' ids, (world, height, width, 1).
-            shown: Output that keypoints are compared with, and its image, likewise; None without keypoints.
             common: What all cameras have.
         """
-        self._drawn, self._common, self._ids, self._shown = drawn, common, ids, shown
+        self._drawn, self._common, self._ids = drawn, common, ids
         self._worlds, self._count = ids.shape[0], common.keys.shape[1]
         self._device = ids.device
-        worlds, count, points = self._worlds, self._count, common.num_keypoints
+        worlds, count, room = self._worlds, self._count, max(common.num_keypoints, 1)
         self._lens = launches.LENSES[drawn.projection]
         extents = self._extents = kernels.ImageExtents()
         extents.visible = self._zeros((worlds, count, kernels.EXTENT_NUMBERS), wp.int32)
@@ -85,11 +84,12 @@ class CameraStages:
         poses.centers, poses.depths = self._zeros((worlds, count), wp.vec3), self._zeros((worlds, count), wp.float32)
         keypoints = self._keypoints = kernels.Keypoints()
         keypoints.bodies, keypoints.offsets = common.keypoints.bodies, common.keypoints.offsets
-        keypoints.points = self._zeros((worlds, points), wp.vec3)
-        keypoints.depths = self._zeros((worlds, points), wp.float32)
-        keypoints.visibility = self._zeros((worlds, points), wp.uint8)
+        keypoints.projection = self._projection(self._zeros((worlds, room), wp.vec3), starts=True)
+        keypoints.depths = self._zeros((worlds, room), wp.float32)
+        keypoints.visibility = self._zeros((worlds, room), wp.uint8)
+        keypoints.tolerance = common.tolerance
+        keypoints.height, keypoints.width = ids.shape[1:3]
         self._corners, self._centers = self._projection(poses.corners), self._projection(poses.centers)
-        self._points = self._projection(keypoints.points, distances=True)
         self.labels = self._tensors()
 
     def bind(self, tables: SceneTables, shapes: np.ndarray) -> list[Stage]:
@@ -116,7 +116,7 @@ class CameraStages:
             self._bind_projection(self._corners),
             self._bind_projection(self._centers),
         ]
-        return stages + ([] if self._shown is None else self._bind_keypoints(*self._shown))
+        return stages + (self._bind_keypoints(tables, shapes) if self._common.num_keypoints else [])
 
     def _bind_cover(self, tables: SceneTables, shapes: np.ndarray) -> Stage:
         """The stage that traces each instance alone."""
@@ -141,20 +141,18 @@ class CameraStages:
             kernels.projection_kernel(self._lens), projection.points.size, [self._drawn.views, projection]
         )
 
-    def _bind_keypoints(self, output: str, shown: wp.array) -> list[Stage]:
-        """Stages that project keypoints and look at what their pixels show."""
-        camera, views, keypoints = self._drawn.camera, self._drawn.views, self._keypoints
-        count, image = keypoints.points.size, shown.reshape(shown.shape[:3])
-        kind = kernels.DISTANCE if output == "distance" else kernels.PLANAR_DEPTH
-        is_table, zero_is_miss = (
-            self._drawn.projection in launches.TABLES,
-            camera.depth_clipping == "zero" and output == "depth",
-        )
-        settings = [image, kind, int(is_table), int(zero_is_miss), self._common.tolerance]
+    def _bind_keypoints(self, tables: SceneTables, shapes: np.ndarray) -> list[Stage]:
+        """Stages that project keypoints and trace the rays to them."""
+        views, keypoints = self._drawn.views, self._keypoints
+        count = keypoints.depths.size
+        keypoints.shapes = wp.array(shapes, dtype=wp.int32, device=self._device)
+        types = launches.scene_types(tables, self._device, lit=False)
+        kernel = kernels.keypoint_kernel(types, self._drawn.projection in launches.TABLES)
+        arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, keypoints]
         return [
             self._launch(kernels.place_keypoints, count, [views, self._common.boxes, keypoints]),
-            self._bind_projection(self._points),
-            self._launch(kernels.test_keypoints, count, [views, self._points, *settings, keypoints]),
+            self._bind_projection(keypoints.projection),
+            self._launch(kernel, launches.world_threads(count, self._device, kernels.LANES), arguments),
         ]
 
     def _launch(self, kernel: wp.Kernel, dim: int, arguments: list[Any], block_dim: int | None = None) -> Stage:
@@ -166,21 +164,20 @@ class CameraStages:
         more = {} if block_dim is None else {"block_dim": block_dim}
         return bind_launch(kernel, dim, arguments, self._device, **more)
 
-    def _projection(self, points: wp.array, distances: bool = False) -> Any:
+    def _projection(self, points: wp.array, starts: bool = False) -> Any:
         projection = kernels.Projection()
         projection.mask, projection.points = self._common.boxes.mask, points
         projection.pixels = self._zeros(points.shape, wp.vec2)
-        projection.distances = self._zeros(points.shape if distances else (0, 0), wp.float32)
+        projection.starts = self._zeros(points.shape if starts else (0, 0), wp.vec3)
         return projection
 
     def _tensors(self) -> CameraLabels:
         extents, poses, keypoints, boxes = self._extents, self._poses, self._keypoints, self._common.boxes
-        worlds, count = self._worlds, self._count
+        worlds, count, points = self._worlds, self._count, self._common.num_keypoints
 
         def tensor(array: wp.array, *shape: int) -> torch_interop.Tensor:
             """The array's numbers in a shape."""
-            numbers = shared(array, shape, wp.float32) if array.size else self._zeros(shape, wp.float32)
-            return torch_interop.to_torch(numbers)
+            return torch_interop.to_torch(shared(array, shape, wp.float32))
 
         return CameraLabels(
             visible_boxes=torch_interop.to_torch(extents.visible_boxes),
@@ -196,9 +193,9 @@ class CameraStages:
             corners=tensor(self._corners.pixels, worlds, count, kernels.CORNERS, 2),
             centers=tensor(self._centers.pixels, worlds, count, 2),
             depths=torch_interop.to_torch(poses.depths),
-            keypoints=tensor(self._points.pixels, worlds, keypoints.points.shape[1], 2),
-            keypoint_depths=torch_interop.to_torch(keypoints.depths),
-            keypoint_visibility=torch_interop.to_torch(keypoints.visibility),
+            keypoints=tensor(keypoints.projection.pixels, worlds, keypoints.depths.shape[1], 2)[:, :points],
+            keypoint_depths=torch_interop.to_torch(keypoints.depths)[:, :points],
+            keypoint_visibility=torch_interop.to_torch(keypoints.visibility)[:, :points],
         )
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:

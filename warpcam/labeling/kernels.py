@@ -18,15 +18,7 @@ REGION = 64  # pixels of a side that a block traces at once: native/labels/cover
 EXTENT_NUMBERS = 5  # native/labels/coverage.h
 ABSENT = 2**31 - 1  # stands after the keys of a world's instances
 CORNERS = 8  # of a box
-POINT_NEEDS = 1.0e-6  # rounding of the distance to a keypoint, relative
-
-# What the image says that keypoints are compared with.
-PLANAR_DEPTH, DISTANCE = 0, 1
-
-# Visibility of keypoints: COCO's v.
-OUTSIDE = 0
-OCCLUDED = 1
-VISIBLE = 2
+LANES = 32  # of a CUDA block that work on a keypoint
 
 
 @wp.struct
@@ -83,7 +75,7 @@ class Projection:
     mask: wp.array(dtype=wp.uint8)  # (world,)
     points: wp.array2d(dtype=wp.vec3)  # (world, point) in the camera's frame [m]
     pixels: wp.array2d(dtype=wp.vec2)  # (world, point) column and row [pixels]; written
-    distances: wp.array2d(dtype=wp.float32)  # (world, point) along the ray [m]; written, if not empty
+    starts: wp.array2d(dtype=wp.vec3)  # (world, point) where the ray begins, likewise [m]; written, if not empty
 
 
 @wp.struct
@@ -92,9 +84,13 @@ class Keypoints:
 
     bodies: wp.array(dtype=wp.int32)  # (keypoint,) or -1 for the world
     offsets: wp.array(dtype=wp.vec3)  # (keypoint,) in the body's frame [m]
-    points: wp.array2d(dtype=wp.vec3)  # (world, keypoint) in the camera's frame [m]
-    depths: wp.array2d(dtype=wp.float32)  # (world, keypoint) planar [m]
-    visibility: wp.array2d(dtype=wp.uint8)  # (world, keypoint) OUTSIDE, OCCLUDED or VISIBLE
+    projection: Projection  # of the keypoints
+    depths: wp.array2d(dtype=wp.float32)  # (world, keypoint) planar [m]; written
+    visibility: wp.array2d(dtype=wp.uint8)  # (world, keypoint) native/labels/keypoint_visibility.h; written
+    shapes: wp.array(dtype=wp.int32)  # (place,) those that the camera sees
+    tolerance: wp.float32  # by which a surface may be nearer that does not hide a keypoint [m]
+    width: wp.int32  # of the image [pixels]
+    height: wp.int32
 
 
 @wp.struct
@@ -156,6 +152,24 @@ def projection_kernel(lens: Lens) -> wp.Kernel:
         f"warpcam::project_points<{int(lens)}>(views, projection, index);",
         {"views": wp.array(dtype=View), "projection": Projection},
         native_module("labels/project_points.h"),
+    )
+
+
+@functools.cache
+def keypoint_kernel(types: SceneTypes, is_table: bool) -> wp.Kernel:
+    return make_kernel(
+        "write_keypoint_visibility",
+        f"warpcam::write_keypoint_visibility<{types.native}, {str(is_table).lower()}>"
+        "(shapes, materials, meshes, fields, views, keypoints, index);",
+        {
+            "shapes": Shapes,
+            "materials": Materials,
+            "meshes": Meshes,
+            "fields": HeightFields,
+            "views": wp.array(dtype=View),
+            "keypoints": Keypoints,
+        },
+        native_module("labels/keypoint_visibility.h"),
     )
 
 
@@ -334,7 +348,7 @@ def place_instances(views: wp.array(dtype=View), boxes: Boxes, poses: Poses, fir
 def place_keypoints(views: wp.array(dtype=View), boxes: Boxes, keypoints: Keypoints, first: wp.int32):
     """Write keypoints in the camera's frame."""
     index = first + wp.tid()
-    count = keypoints.points.shape[1]
+    count = keypoints.depths.shape[1]
     world = index // count
     number = index % count
     if boxes.mask[world] == wp.uint8(0):
@@ -345,42 +359,5 @@ def place_keypoints(views: wp.array(dtype=View), boxes: Boxes, keypoints: Keypoi
         point = boxes.body_positions[world, body] + boxes.body_rotations[world, body] * point
     view = views[world]
     local = wp.transpose(view.rotation) * (point - view.origin)
-    keypoints.points[world, number] = local
+    keypoints.projection.points[world, number] = local
     keypoints.depths[world, number] = -local[2]
-
-
-@wp.kernel(enable_backward=False)
-def test_keypoints(
-    views: wp.array(dtype=View),
-    projection: Projection,
-    image: wp.array3d(dtype=wp.float32),
-    kind: wp.int32,
-    is_table: wp.int32,
-    zero_is_miss: wp.int32,
-    tolerance: wp.float32,
-    keypoints: Keypoints,
-    first: wp.int32,
-):
-    """Compare keypoints with what the pixels show that they come to."""
-    index = first + wp.tid()
-    count = keypoints.points.shape[1]
-    world = index // count
-    number = index % count
-    if projection.mask[world] == wp.uint8(0):
-        return
-    pixel = projection.pixels[world, number]
-    depth = keypoints.depths[world, number]
-    distance = projection.distances[world, number]
-    view = views[world]
-    along = wp.where(is_table != 0, distance, depth)  # as near and far count
-    found = OUTSIDE
-    width = wp.float32(image.shape[2])
-    height = wp.float32(image.shape[1])
-    inside = pixel[0] >= 0.0 and pixel[0] < width and pixel[1] >= 0.0 and pixel[1] < height  # not of NaN
-    if inside and along >= view.near and along <= view.far:
-        shown = image[world, wp.int32(pixel[1]), wp.int32(pixel[0])]
-        expected = wp.where(kind == DISTANCE, distance, depth)
-        missed = zero_is_miss != 0 and shown == 0.0
-        reach = expected * (1.0 - POINT_NEEDS) - tolerance
-        found = wp.where(missed or shown >= reach, VISIBLE, OCCLUDED)
-    keypoints.visibility[world, number] = wp.uint8(found)

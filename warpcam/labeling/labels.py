@@ -52,7 +52,7 @@ class Labels:
         self._selection, self._instances = Selection(scene.num_worlds, scene.device), instances
         table = find_keypoints(scene, keypoints)
         chosen = _chosen(cameras, drawn)
-        images = {key: _images_of(renderer, key, drawn[key], instances.output, bool(table.names)) for key in chosen}
+        images = {key: _ids_of(renderer, key, drawn[key], instances.output) for key in chosen}
         ids = np.broadcast_to(instances.ids, (scene.num_worlds, instances.ids.shape[1]))
         self.output, self.keypoints = instances.output, table.names
         self.ids = torch_interop.to_torch(wp.array(ids, dtype=wp.int32, device=scene.device))
@@ -71,7 +71,7 @@ class Labels:
         )
         self._boxes = common.boxes
         self._shapes = {key: kept_shapes(drawn[key].camera, scene) for key in chosen}
-        self._cameras = {key: CameraStages(drawn[key], *images[key], common) for key in chosen}
+        self._cameras = {key: CameraStages(drawn[key], images[key], common) for key in chosen}
         self.cameras: dict[str | int, CameraLabels] = {key: each.labels for key, each in self._cameras.items()}
         self._bind(scene.tables())
 
@@ -150,7 +150,7 @@ def labels(
     ids: Sequence[int] | None = None,
     amodal: bool = True,
     keypoints: Mapping[str, tuple[str | int | None, Sequence[float]]] | None = None,
-    tolerance: float = 0.02,
+    tolerance: float = 0.01,
 ) -> Labels:
     """Labels of what a renderer draws: boxes, sizes of masks, visibility, poses and keypoints, on the device.
 
@@ -158,8 +158,7 @@ def labels(
     compiles all kernels; ``read`` does neither, waits for nothing, and may be part of a CUDA graph.
 
     Args:
-        renderer: Its cameras need the output with the instances' ids, and with keypoints "distance", in place of which
-            "depth" does with a pinhole or an orthographic lens.
+        renderer: Its cameras need the output with the instances' ids: see ``by``.
         cameras: Names of the cameras to label; None is all.
         by: What an instance is: "body" (output ``bodies``), "shape" (``segmentation``), "instance" (``instances``) or
             "semantic" (``semantics``, all shapes of a label together). The frame of a body or shape is its own; that of
@@ -168,7 +167,8 @@ def labels(
         amodal: Trace each instance alone for its amodal box and pixels, its visibility and truncation.
         keypoints: Places to find in images, by name: a body, by name or index, or None for the world, and a place in
             its frame [m]. ``site_keypoints`` gives those of a MuJoCo model's sites.
-        tolerance: By how much what a pixel shows may be nearer than a keypoint that counts as visible [m], at least 0.
+        tolerance: By how much a surface may be nearer than a keypoint that it does not hide [m], at least 0: keypoints
+            lie on or a little below surfaces.
 
     Raises:
         WarpcamError: An argument is none of these, a camera lacks an output, or the scene has Gaussian splats, which
@@ -202,20 +202,8 @@ def _chosen(cameras: Sequence[str | int] | None, drawn: Mapping[str | int, Drawn
     return list(cameras)
 
 
-def _images_of(
-    renderer: Renderer, key: str | int, drawn: DrawnCamera, output: str, with_keypoints: bool
-) -> tuple[wp.array, tuple[str, wp.array] | None]:
-    """Image of a camera's ids, and name and image of what keypoints are compared with."""
+def _ids_of(renderer: Renderer, key: str | int, drawn: DrawnCamera, output: str) -> wp.array:
+    """Image of a camera's ids."""
     if output not in drawn.images:
         raise WarpcamError(f"labels: camera {key!r} needs the output {output!r}, it has {', '.join(drawn.images)}")
-    if not with_keypoints:
-        return renderer.rendered(key, output), None
-    is_table = drawn.projection in launches.TABLES
-    allowed = ("distance",) if is_table else ("distance", "depth")
-    found = next((name for name in allowed if name in drawn.images), None)
-    if found is None:
-        raise WarpcamError(
-            f"labels: keypoints: camera {key!r} needs the output {' or '.join(map(repr, allowed))}, it has "
-            f"{', '.join(drawn.images)}"
-        )
-    return renderer.rendered(key, output), (found, renderer.rendered(key, found))
+    return renderer.rendered(key, output)

@@ -11,15 +11,16 @@ namespace warpcam {
 constexpr int PROJECTION_ROUNDS = 6;
 constexpr float PROJECTION_TOLERANCE = 0.02f;  // pixels that a ray may pass a point aside
 
-// Where a point comes to, column and row [pixels], and its distance along the ray [m].
+// Where a point comes to, column and row [pixels], and where its ray begins, in the camera's frame [m].
 struct ProjectedPoint {
-    float column, row, distance;
+    float column, row;
+    Vec3 start;
 };
 
 WARPCAM_DEVICE ProjectedPoint not_projected()
 {
     const float nan = infinity() - infinity();
-    return { nan, nan, nan };
+    return { nan, nan, { nan, nan, nan } };
 }
 
 // The ray of a pixel of a table.
@@ -115,7 +116,7 @@ WARPCAM_DEVICE int neighbor_of(float place, int count, float& share)
 // How far the ray at a place passes a point, as a difference of directions, and how that changes across and down.
 struct RayOffset {
     Vec3 off, across, down;
-    float distance;  // from where the ray begins to the point [m]
+    Vec3 start;  // of the ray [m]
 };
 
 template <int LENS>
@@ -139,15 +140,15 @@ WARPCAM_DEVICE bool ray_offset(const Camera& camera, float column, float row, Ve
         down = { down.start + by_y * ray.start, down.direction + by_y * ray.direction };
     }
     const Vec3 towards = point - sum.start;
-    found.distance = sqrt(dot(towards, towards));
     const float length = 1.0f / sqrt(max(dot(sum.direction, sum.direction), MIN_NORMAL)),
-                rate = 1.0f / max(found.distance, 1.0e-18f);
+                rate = 1.0f / sqrt(max(dot(towards, towards), MIN_NORMAL));
     const Vec3 direction = length * sum.direction, aim = rate * towards;
     // of a unit vector changes across it alone count
     const auto slope = [&](const OffsetRay& change) {
         return length * (change.direction - dot(change.direction, direction) * direction)
                + rate * (change.start - dot(change.start, aim) * aim);
     };
+    found.start = sum.start;
     found.off = direction - aim;
     found.across = slope(across);
     found.down = slope(down);
@@ -178,7 +179,7 @@ template <int LENS> WARPCAM_DEVICE ProjectedPoint project_by_table(const Camera&
             row = clamp(row - (cc * to_row - cr * to_column) / area, least_row, most_row);
         }
     }
-    return { column, row, ray.distance };
+    return { column, row, ray.start };
 }
 
 // NaN for a point that the lens does not see: behind the camera, or where no ray of a table leads.
@@ -191,8 +192,9 @@ template <int LENS> WARPCAM_DEVICE ProjectedPoint project_point(const Camera& ca
         if (!(LENS == PINHOLE ? depth > 0.0f : depth >= 0.0f))
             return not_projected();
         const float rate = LENS == PINHOLE ? 1.0f / depth : 1.0f;
+        const Vec3 start { LENS == PINHOLE ? 0.0f : point.x, LENS == PINHOLE ? 0.0f : point.y, 0.0f };
         return { rate * point.x / camera.scale_x + camera.center_x, camera.center_y - rate * point.y / camera.scale_y,
-                 LENS == PINHOLE ? sqrt(dot(point, point)) : depth };
+                 start };
     }
 }
 
@@ -211,8 +213,11 @@ WARPCAM_DEVICE void project_points(const Views& views, const Projection& project
     auto& pixel = *wp::address(projection.pixels, world, number);
     pixel[0] = found.column;
     pixel[1] = found.row;
-    if (projection.distances.shape[0] > 0)
-        *wp::address(projection.distances, world, number) = found.distance;
+    if (projection.starts.shape[0] > 0) {
+        auto& start = *wp::address(projection.starts, world, number);
+        for (int axis = 0; axis < 3; ++axis)
+            start[axis] = component(found.start, axis);
+    }
 }
 
 }  // namespace warpcam
