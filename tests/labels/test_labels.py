@@ -195,7 +195,8 @@ def test_worlds_of_newton_have_ids_of_their_own(device: wp.Device) -> None:
 
 def test_more_shapes_than_are_listed_at_once(device: wp.Device) -> None:
     places = np.random.default_rng(0).uniform(-1.0, 1.0, (1100, 3))
-    balls = "".join(f'<geom size=".05" pos="{x:.3f} {y:.3f} {z:.3f}"/>' for x, y, z in places)
+    places[-1] = 1.4, 0.0, 0.0  # apart from the others: it makes the box wider
+    balls = "".join(f'<geom size=".1" pos="{x:.3f} {y:.3f} {z:.3f}"/>' for x, y, z in places)
     mjm = scenes.compile_xml(f'<camera name="top" pos="0 0 4"/>{balls}')
     camera = small_scene.camera("top", 40, 32, outputs=("bodies",))
     renderer = wc.Renderer(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), [camera])
