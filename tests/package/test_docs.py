@@ -222,6 +222,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "README.md": simulated,
     "docs/cameras.md": cameras,
     "docs/jax.md": in_jax,
+    "docs/labels.md": looked_at,
     "docs/memory.md": memory,
     "docs/newton.md": newton,
     "docs/outputs.md": outputs,

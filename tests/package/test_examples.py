@@ -102,6 +102,14 @@ def test_stereo_camera_with_and_without_a_projector(tmp_path: Path) -> None:
     assert active > 90.0 > 70.0 > passive
 
 
+def test_labels_of_two_worlds(tmp_path: Path) -> None:
+    printed = run(QUICK, str(EXAMPLES / "labels.py"), folder=tmp_path)
+    assert np.asarray(Image.open(tmp_path / "labels.png")).shape == (240, 640, 3)
+    shares = [int(share) for share in re.findall(r"(\d+) % of the", printed)]
+    assert len(shares) == 4 and shares[1] == shares[3] == 100  # the ball stands in front
+    assert 50 < shares[0] < 100
+
+
 def test_every_gpu(tmp_path: Path) -> None:
     printed = run(QUICK, str(EXAMPLES / "every_gpu.py"), folder=tmp_path)
     assert printed.splitlines()[-2].startswith("cpu: ")
