@@ -54,15 +54,13 @@ template <class Types, int LENS> struct CoverTarget {
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
 
     const Camera& camera;
-    Region region;
+    Region region;  // tiles that are traced
+    int left, top;  // of the region whose bits these are
     int width, height;  // of the image
     unsigned* covered;  // COVER_WORDS
 
-    WARPCAM_DEVICE unsigned* word(int i, int j) const
-    {
-        return covered + (j - region.top) * ROW_WORDS + (i - region.left) / 32;
-    }
-    WARPCAM_DEVICE unsigned bit(int i) const { return 1u << (i - region.left) % 32; }
+    WARPCAM_DEVICE unsigned* word(int i, int j) const { return covered + (j - top) * ROW_WORDS + (i - left) / 32; }
+    WARPCAM_DEVICE unsigned bit(int i) const { return 1u << (i - left) % 32; }
 
     WARPCAM_DEVICE CameraRay<LENS> ray(int i, int j) const { return view_ray<LENS>(camera, i, j); }
 
@@ -93,6 +91,27 @@ template <class Types, int LENS> struct CoverTarget {
         write_hit(i, j, hits[0], first_pass);
     }
 };
+
+// The part of a region that the listed shapes touch; their tiles are counted from its corner afterwards. For all threads
+// of the block, and before the list is sorted, in which each thread reads what it has written here.
+template <int CAPACITY> WARPCAM_DEVICE Region touched_part(ShapeList<CAPACITY>& list, const Region& region, int thread)
+{
+    TileRect all = list.touched[0];
+    for (int slot = 1; slot < list.count; ++slot) {
+        const TileRect& one = list.touched[slot];
+        all = { one.left < all.left ? one.left : all.left, one.top < all.top ? one.top : all.top,
+                one.right > all.right ? one.right : all.right, one.bottom > all.bottom ? one.bottom : all.bottom };
+    }
+    block_sync();
+    const auto less = [](signed char a, signed char b) { return static_cast<signed char>(a - b); };
+    for (int slot = thread; slot < list.count; slot += THREADS) {
+        TileRect& one = list.touched[slot];
+        one = { less(one.left, all.left), less(one.top, all.top), less(one.right, all.left),
+                less(one.bottom, all.top) };
+    }
+    return { region.left + all.left * TILE_WIDTH, region.top + all.top * TILE_HEIGHT,
+             (all.right - all.left + 1) * TILE_WIDTH, (all.bottom - all.top + 1) * TILE_HEIGHT };
+}
 
 // Adds what is covered of a region to an extent; for all threads of the block.
 WARPCAM_DEVICE void add_covered(const unsigned* covered, const Region& region, int* extent, int thread)
@@ -146,9 +165,7 @@ WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materi
         Region region { number % across * COVER_SIZE, number / across * COVER_SIZE, 0, 0 };
         region.width = min(COVER_SIZE, (cover.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
         region.height = min(COVER_SIZE, (cover.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
-        const CoverTarget<Types, LENS> target { camera, region, cover.width, cover.height, covered };
-        for (int word = thread; word < COVER_WORDS; word += THREADS)
-            covered[word] = 0u;
+        bool any = false;
         int begin = 0;
         do {
             if (thread == 0)
@@ -159,14 +176,23 @@ WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materi
             if (list.broken)  // the world shows nothing
                 return;
             if (list.count > 0) {
+                for (int word = thread; word < COVER_WORDS && !any; word += THREADS)
+                    covered[word] = 0u;
+                any = true;
+                const CoverTarget<Types, LENS> target { camera,      touched_part(list, region, thread),
+                                                        region.left, region.top,
+                                                        cover.width, cover.height,
+                                                        covered };
                 sort_by_depth(list, thread, [](int, int) {});
                 block_sync();
                 draw_tiles<Types, LENS>(list, target, meshes, fields, true);
             }
             block_sync();
         } while (begin < count);
-        add_covered(covered, region, extent, thread);
-        block_sync();
+        if (any) {
+            add_covered(covered, region, extent, thread);
+            block_sync();
+        }
     }
     if (thread == 0 && extent[4] > 0)
         extend(wp::address(cover.extents, world, instance, 0), extent[0], extent[1], extent[2], extent[3], extent[4]);
