@@ -147,6 +147,23 @@ def test_chosen_worlds_alone_are_labelled(device: wp.Device) -> None:
     assert (whole["amodal_boxes"][0] != before["amodal_boxes"][0]).any()
 
 
+def test_what_is_no_number_costs_its_instance(device: wp.Device) -> None:
+    renderer = drawn(device)
+    labels = wc.labels(renderer, by="shape")
+    before = label_reference.on_host(labels.read()["top"])
+    scenes.write(renderer.scene.array("shape_positions"), (1, 0), np.nan)
+    renderer.render()
+    after = label_reference.on_host(labels.read()["top"])
+    for name, values in after.items():
+        np.testing.assert_array_equal(values[[0, 2]], before[name][[0, 2]], err_msg=name)
+    assert not after["visible_pixels"][1].any() and not after["visibility"][1].any()
+    for name in ("amodal_boxes", "amodal_pixels", "truncated"):
+        assert not after[name][1, 0].any()
+        np.testing.assert_array_equal(after[name][1, 1:], before[name][1, 1:])
+    for name in ("positions", "rotations", "box_centers", "half_extents", "corners", "centers", "depths"):
+        assert np.isnan(after[name][1, 0]).all(), name
+
+
 def test_some_ids_and_groups_of_shapes(device: wp.Device) -> None:
     renderer = drawn(device, worlds=2)
     scene = renderer.scene
