@@ -100,12 +100,32 @@ def test_poses_and_boxes_follow_bodies(device: wp.Device) -> None:
         np.testing.assert_allclose(halves[body], 0.5 * (high - low), atol=2e-3)
     wedge = mjm.body("wedge").id
     (geom,) = geoms_of(mjm, "wedge")
-    corners = mjm.mesh_vert @ scenes.matrix(mjm.geom_quat[geom]).T + mjm.geom_pos[geom] - centers[wedge]
-    assert (np.abs(corners) <= halves[wedge] + 1e-5).all()
+    corners = mjm.mesh_vert @ scenes.matrix(mjm.geom_quat[geom]).T + mjm.geom_pos[geom]
+    np.testing.assert_allclose(centers[wedge], 0.5 * (corners.min(axis=0) + corners.max(axis=0)), atol=1e-5)
+    np.testing.assert_allclose(halves[wedge], 0.5 * (corners.max(axis=0) - corners.min(axis=0)), atol=1e-5)
     assert np.isinf(halves[0]).all() and np.isnan(found["corners"][0, 0]).all()
     ids = wc.labels(renderer, amodal=False).ids[0].tolist()
     hidden = ids.index(mjm.body("hidden").id)
     assert np.isnan(halves[hidden]).all() and found["visible_pixels"][0, hidden] == 0
+
+
+def test_a_mesh_that_is_turned_on_its_body_stays_in_its_box(device: wp.Device) -> None:
+    mjm = scenes.compile_xml(BODIES, assets=scenes.ASSETS)
+    with wp.ScopedDevice(device):
+        m, d = scenes.put(mjm, 2)
+    scene = wc.from_mujoco_warp(mjm, m, d)
+    renderer = wc.Renderer(scene, [small_scene.camera("above", outputs=("bodies",))])
+    labels, wedge, (geom,) = wc.labels(renderer, amodal=False), mjm.body("wedge").id, geoms_of(mjm, "wedge")
+    turned = scenes.matrix((0.9, 0.3, -0.2, 0.1))
+    scenes.write(d.geom_xmat, (1, geom), turned)
+    renderer.render()
+    found = label_reference.on_host(labels.read()["above"])
+    axes = d.xmat.numpy()[:, wedge].reshape(2, 3, 3)
+    for world in range(2):
+        places = mjm.mesh_vert @ d.geom_xmat.numpy()[world, geom].reshape(3, 3).T + d.geom_xpos.numpy()[world, geom]
+        corners = (places - d.xpos.numpy()[world, wedge]) @ axes[world] - found["box_centers"][world, wedge]
+        gap = found["half_extents"][world, wedge] - np.abs(corners).max(axis=0)
+        assert (gap > -1e-5).all() and (world == 1 or (gap < 1e-5).all())
 
 
 def geoms_of(mjm: mujoco.MjModel, body: str) -> np.ndarray:

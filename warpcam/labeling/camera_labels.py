@@ -27,8 +27,9 @@ class CameraLabels:
         positions: float32 (world, instance, 3): origin of the instance's frame in the camera's frame [m].
         rotations: float32 (world, instance, 4): rotation from the instance's frame to the camera's, w x y z, w >= 0.
         box_centers: float32 (world, instance, 3): centre of the box of all its shapes along the axes of its frame, in
-            its frame [m]. It encloses analytic shapes tightly, and meshes and height fields by the boxes that they have
-            in frames of their own.
+            its frame [m]. It encloses spheres, capsules, ellipsoids, cylinders, boxes and meshes tightly; meshes that
+            are deformed or have been turned on their body, or scaled, since labels were made, and all else by the
+            boxes that they have in frames of their own.
         half_extents: float32 (world, instance, 3): half widths of that box [m]; infinite if an endless plane is part of
             the instance, NaN if nothing of it is drawn.
         corners: float32 (world, instance, 8, 2): pixels of the box's corners. Corner k lies on the upper side of axis i

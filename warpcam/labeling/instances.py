@@ -69,7 +69,7 @@ def find_instances(scene: Scene, by: Any, ids: Any) -> Instances:
     """
     if not isinstance(by, str) or by not in OUTPUT_OF:
         raise WarpcamError(f"labels: by must be one of {', '.join(map(repr, OUTPUT_OF))}, got {by!r}")
-    shown = scene.shape_ids(OUTPUT_OF[by])
+    shown = scene.description().ids_of_shapes(OUTPUT_OF[by])
     bodies = scene.shape_bodies()
     shapes = scene.tables().shapes.drawn.numpy()
     rows = max(len(shown), len(bodies))

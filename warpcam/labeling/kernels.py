@@ -42,11 +42,26 @@ class Cover:
 
 
 @wp.struct
+class MeshBoxes:
+    """Boxes of meshes along the axes of their instances' frames, about the shapes' origins.
+
+    Each holds for one mesh, turn and scale. Where a shape has others its mesh's own box counts.
+    """
+
+    assets: wp.array(dtype=wp.int32)  # (shape,) or -1
+    turns: wp.array(dtype=wp.mat33)  # (shape,) rotation from the shape's frame to the instance's
+    scales: wp.array(dtype=wp.vec3)  # (shape,) of the mesh along its axes; 1 where the scene has none
+    low: wp.array(dtype=wp.vec3)  # (shape,) [m]
+    high: wp.array(dtype=wp.vec3)  # (shape,)
+
+
+@wp.struct
 class Boxes:
     """Frames of instances, and boxes along their axes."""
 
     mask: wp.array(dtype=wp.uint8)  # (world,)
     members: Members
+    meshes: MeshBoxes
     frame_bodies: wp.array2d(dtype=wp.int32)  # (row, instance) body whose frame it has, or -1
     frame_shapes: wp.array2d(dtype=wp.int32)  # (row, instance) shape whose frame it has, or -1; both -1: the world's
     body_positions: wp.array2d(dtype=wp.vec3)  # (world, body) world frame [m]

@@ -19,6 +19,7 @@ from warpcam.labeling.camera_labels import CameraLabels
 from warpcam.labeling.camera_stages import CameraStages, SharedArrays, members_struct
 from warpcam.labeling.instances import Grouping, Instances, find_instances
 from warpcam.labeling.keypoints import find_keypoints
+from warpcam.labeling.mesh_boxes import fit_meshes
 from warpcam.render.drawn_cameras import DrawnCamera, drawn_cameras
 from warpcam.render.excluded_bodies import kept_shapes
 from warpcam.render.renderer import Renderer
@@ -106,6 +107,7 @@ class Labels:
         shape = (self._scene.num_worlds, instances.ids.shape[1])
         boxes.mask = self._selection.mask
         boxes.members = members_struct(*instances.members(tables.shapes.drawn.numpy()), device)
+        boxes.meshes = fit_meshes(self._scene, instances)
         boxes.frame_bodies = wp.array(instances.frame_bodies, dtype=wp.int32, device=device)
         boxes.frame_shapes = wp.array(instances.frame_shapes, dtype=wp.int32, device=device)
         boxes.positions, boxes.centers, boxes.half_extents = (

@@ -33,7 +33,7 @@ from warpcam.kernels.types import (
     Shapes,
 )
 from warpcam.scene.bounds import Bounds, bounds_of
-from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, Source, live_arrays_of
+from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, SceneDescription, Source, live_arrays_of
 from warpcam.scene.validation import check_array, check_description, check_indices, find_body, find_index
 from warpcam.scene.world_overrides import WorldOverrides
 from warpcam.textures.hardware_mipmaps import pack_mips
@@ -256,8 +256,8 @@ class Scene:
         """Body of each shape, as ``body`` counts them, (world or 1, shape) int32; -1 for none, -2 for no shape."""
         return self._parts.bodies_of_shapes()
 
-    def shape_ids(self, output: str) -> np.ndarray:
-        return self._parts.ids_of_shapes(output)
+    def description(self) -> SceneDescription:
+        return self._parts
 
     def tables(self) -> SceneTables:
         """The scene for the kernels: the same object until the source's arrays are others."""

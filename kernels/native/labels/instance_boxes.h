@@ -13,6 +13,26 @@ template <class Types> WARPCAM_DEVICE float reach_along(const Shape& shape, Vec3
     return reach;
 }
 
+constexpr float SAME_TURN = 1.0e-4f;  // of a rotation's numbers
+
+// True if a mesh is what its box in MeshBoxes was made of, turned and scaled likewise.
+template <class Types, class MeshBoxes>
+WARPCAM_DEVICE bool has_mesh_box(const MeshBoxes& boxes, const Shape& shape, const Mat3& turn)
+{
+    if (!Types::has(MESH) || shape.type != MESH || wp::index(boxes.assets, shape.id) != shape.asset)
+        return false;
+    const Mat3 known = as_mat3(wp::index(boxes.turns, shape.id));
+    const Vec3 scale = as_vec3(wp::index(boxes.scales, shape.id));
+    float apart = 0.0f;
+    for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j)
+            apart = max(apart, abs(known.at[i][j] - turn.at[i][j]));
+        if (Types::has(PER_SHAPE_SCALE) && component(scale, i) != component(shape.size, i))
+            return false;
+    }
+    return apart < SAME_TURN;
+}
+
 // Pose of an instance's frame in the world.
 struct InstanceFrame {
     Vec3 position;
@@ -64,13 +84,19 @@ WARPCAM_DEVICE void write_instance_box(const Shapes& shapes, const Materials& ma
         any = true;
         endless |= form.extent.half.x < 0.0f;
         const Mat3 turn = transposed_times(frame.rotation, shape.rotation);  // from the shape's frame
-        const Vec3 center =
-            transform_transposed(frame.rotation, shape.position - frame.position) + transform(turn, form.extent.center);
+        const Vec3 origin = transform_transposed(frame.rotation, shape.position - frame.position);
+        const Vec3 center = origin + transform(turn, form.extent.center);
+        const bool is_known = has_mesh_box<Types>(boxes.meshes, shape, turn);
         for (int axis = 0; axis < 3; ++axis) {
             const Vec3 along { turn.at[axis][0], turn.at[axis][1], turn.at[axis][2] };
             const float reach = reach_along<Types>(shape, form.extent.half, along), middle = component(center, axis);
-            low[axis] = min(low[axis], middle - reach);
-            high[axis] = max(high[axis], middle + reach);
+            float from = middle - reach, to = middle + reach;
+            if (is_known) {
+                from = component(origin, axis) + wp::index(boxes.meshes.low, id)[axis];
+                to = component(origin, axis) + wp::index(boxes.meshes.high, id)[axis];
+            }
+            low[axis] = min(low[axis], from);
+            high[axis] = max(high[axis], to);
         }
     }
     for (int axis = 0; axis < 3; ++axis) {
