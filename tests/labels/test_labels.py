@@ -212,6 +212,9 @@ def test_worlds_of_newton_have_ids_of_their_own(device: wp.Device) -> None:
     one = newton.ModelBuilder()
     one.add_shape_sphere(one.add_body(xform=newton_scenes.pose(0.0, 0.0, 1.0)), radius=0.3)
     one.add_shape_box(one.add_body(xform=newton_scenes.pose(0.5, 0.0, 0.5)), hx=0.2, hy=0.2, hz=0.2)
+    mesh, scale, turn = newton_scenes.tetrahedron(), np.array((-1.0, 1.3, 0.7)), np.array((0.3, -0.2, 0.4, 0.8))
+    body = one.add_body(xform=newton_scenes.pose(-0.6, 0.0, 0.5, (0.1, 0.5, 0.2, 0.8)))
+    one.add_shape_mesh(body, mesh=mesh, scale=tuple(scale), xform=newton_scenes.pose(0.1, 0.0, 0.0, turn))
     other = newton.ModelBuilder()
     other.add_shape_box(other.add_body(xform=newton_scenes.pose(-0.5, 0.0, 0.5)), hx=0.2, hy=0.3, hz=0.2)
     both = newton.ModelBuilder()
@@ -221,12 +224,16 @@ def test_worlds_of_newton_have_ids_of_their_own(device: wp.Device) -> None:
     renderer = wc.Renderer(scene, [newton_scenes.eye(outputs=("bodies",))])
     image = renderer.render()["eye"]["bodies"][..., 0].cpu().numpy()
     labels = wc.labels(renderer)
-    assert labels.ids.tolist() == [[0, 1], [2, -1]]
+    assert labels.ids.tolist() == [[0, 1, 2], [3, -1, -1]]
     found = label_reference.on_host(labels.read()["eye"])
-    expected = [[(image[0] == 0).sum(), (image[0] == 1).sum()], [(image[1] == 2).sum(), 0]]
+    expected = [[(image[0] == body).sum() for body in range(3)], [(image[1] == 3).sum(), 0, 0]]
     assert found["visible_pixels"].tolist() == expected and min(expected[0]) > 20
     assert found["amodal_pixels"][1].tolist() == expected[1]
     np.testing.assert_allclose(found["half_extents"][:, 0], [(0.3, 0.3, 0.3), (0.2, 0.3, 0.2)], atol=1e-6)
+    corners = (mesh.vertices * scale) @ scenes.matrix(turn[[3, 0, 1, 2]]).T + (0.1, 0.0, 0.0)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    np.testing.assert_allclose(found["half_extents"][0, 2], 0.5 * (high - low), atol=1e-5)
+    np.testing.assert_allclose(found["box_centers"][0, 2], 0.5 * (high + low), atol=1e-5)
     assert all(np.isnan(found[name][1, 1]).all() for name in ("positions", "rotations", "corners", "depths"))
 
 
