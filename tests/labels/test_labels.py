@@ -1,5 +1,6 @@
 """Labels of several worlds and cameras: groups of shapes, boxes, poses, chosen worlds, captures, bad arguments."""
 
+import gc
 import re
 from typing import Any
 
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 import scenes
 import small_scene
+import splat_scenes
 import torch
 import warp as wp
+from allocation_ledger import Ledger
 
 import warpcam as wc
 
@@ -251,6 +254,24 @@ def test_more_shapes_than_are_listed_at_once(device: wp.Device) -> None:
     np.testing.assert_array_equal(found["amodal_boxes"][0, 0], boxes[0, 0])
 
 
+def test_reads_allocate_and_compile_nothing(
+    device: wp.Device, loads: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer = drawn(device)
+    labels = wc.labels(renderer, keypoints={"ball": (1, (0.0, 0.0, 0.6))})
+    labels.read()
+    loads.clear()
+    slot = "current_allocator" if device.is_cuda else "default_allocator"
+    ledger = Ledger(getattr(device, slot))
+    monkeypatch.setattr(device, slot, ledger)
+    places = [value.data_ptr() for found in labels.cameras.values() for value in vars(found).values()]
+    for _ in range(2):
+        read = labels.read()
+        assert [value.data_ptr() for found in read.values() for value in vars(found).values()] == places
+    gc.collect()
+    assert ledger.held == 0 and loads == []
+
+
 def test_labels_of_a_captured_graph(device: wp.Device) -> None:
     if not device.is_cuda:
         pytest.skip("needs CUDA")
@@ -293,6 +314,10 @@ def test_bad_arguments(device: wp.Device) -> None:
     for tolerance in (-0.1, np.inf, np.nan, "1", True):
         with says(f"labels: tolerance must be a finite number of at least 0 [m], got {tolerance!r}"):
             wc.labels(renderer, tolerance=tolerance)  # type: ignore[arg-type]
+    with says("labels: the scene has Gaussian splats, of which there are no labels"):
+        builder = newton.ModelBuilder()
+        builder.add_shape_gaussian(-1, gaussian=splat_scenes.gaussians([(0.0, 0.0, 0.0)], [(1.0, 0.0, 0.0)]))
+        wc.labels(wc.Renderer(wc.from_newton(*newton_scenes.finalize(builder, device)), [scenes.own_camera()]))
     labels = wc.labels(renderer, amodal=False)
     with says("Labels.read: worlds has id 5; allowed are 0 to 0"):
         labels.read([5])

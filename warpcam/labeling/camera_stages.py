@@ -51,11 +51,12 @@ class CameraStages:
         labels: Tensors over these arrays.
     """
 
-    def __init__(self, drawn: DrawnCamera, ids: wp.array, common: SharedArrays):
+    def __init__(self, drawn: DrawnCamera, shapes: np.ndarray, ids: wp.array, common: SharedArrays):
         """Allocate the arrays.
 
         Args:
             drawn: The camera.
+            shapes: Those that it sees, ascending.
             ids: Image of the instances' ids, (world, height, width, 1).
             common: What all cameras have.
         """
@@ -89,16 +90,18 @@ class CameraStages:
         keypoints.visibility = self._zeros((worlds, room), wp.uint8)
         keypoints.tolerance = common.tolerance
         keypoints.height, keypoints.width = ids.shape[1:3]
+        keypoints.shapes = wp.array(shapes, dtype=wp.int32, device=self._device)
+        columns, starts = common.instances.members(shapes)
+        self._largest = int(np.diff(starts, axis=1).max())  # shapes of an instance
+        cover = self._cover = kernels.Cover()
+        cover.mask, cover.extents = common.boxes.mask, extents.amodal
+        cover.members = members_struct(columns, starts, self._device)
+        cover.height, cover.width = ids.shape[1:3]
         self._corners, self._centers = self._projection(poses.corners), self._projection(poses.centers)
         self.labels = self._tensors()
 
-    def bind(self, tables: SceneTables, shapes: np.ndarray) -> list[Stage]:
-        """Bind the stages of a frame, after those that write ``boxes``.
-
-        Args:
-            tables: The scene.
-            shapes: Those that the camera sees, ascending.
-        """
+    def bind(self, tables: SceneTables) -> list[Stage]:
+        """Bind the stages of a frame, after those that write ``boxes``."""
         mask, extents, instances = self._common.boxes.mask, self._extents, self._worlds * self._count
         height, width = self._ids.shape[1:3]
         run = RUN if self._device.is_cuda else width * height
@@ -109,27 +112,21 @@ class CameraStages:
             self._launch(kernels.count_visible, runs, [mask, self._common.keys, image, run, extents]),
         ]
         if self._common.amodal:
-            stages.append(self._bind_cover(tables, shapes))
+            stages.append(self._bind_cover(tables))
         stages += [
             self._launch(kernels.write_extents, instances, [mask, width, height, extents]),
             self._launch(kernels.place_instances, instances, [self._drawn.views, self._common.boxes, self._poses]),
             self._bind_projection(self._corners),
             self._bind_projection(self._centers),
         ]
-        return stages + (self._bind_keypoints(tables, shapes) if self._common.num_keypoints else [])
+        return stages + (self._bind_keypoints(tables) if self._common.num_keypoints else [])
 
-    def _bind_cover(self, tables: SceneTables, shapes: np.ndarray) -> Stage:
+    def _bind_cover(self, tables: SceneTables) -> Stage:
         """The stage that traces each instance alone."""
-        device = self._device
-        columns, starts = self._common.instances.members(shapes)
-        cover = kernels.Cover()
-        cover.mask, cover.extents = self._common.boxes.mask, self._extents.amodal
-        cover.members = members_struct(columns, starts, device)
-        cover.height, cover.width = self._ids.shape[1:3]
-        largest = int(np.diff(starts, axis=1).max())
+        device, cover = self._device, self._cover
         most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
         types = launches.scene_types(tables, device, lit=False)
-        key = kernels.CoverKey(types, self._lens, launches.list_capacity(largest, device, most))
+        key = kernels.CoverKey(types, self._lens, launches.list_capacity(self._largest, device, most))
         regions = launches.regions_of(cover.width, cover.height, (kernels.REGION, kernels.REGION))
         threads = launches.world_threads(self._count, device) * self._worlds
         cover.parts = max(1, min(regions, (MAX_THREADS - 1) // threads)) if device.is_cuda else 1
@@ -141,11 +138,10 @@ class CameraStages:
             kernels.projection_kernel(self._lens), projection.points.size, [self._drawn.views, projection]
         )
 
-    def _bind_keypoints(self, tables: SceneTables, shapes: np.ndarray) -> list[Stage]:
+    def _bind_keypoints(self, tables: SceneTables) -> list[Stage]:
         """Stages that project keypoints and trace the rays to them."""
         views, keypoints = self._drawn.views, self._keypoints
         count = keypoints.depths.size
-        keypoints.shapes = wp.array(shapes, dtype=wp.int32, device=self._device)
         types = launches.scene_types(tables, self._device, lit=False)
         kernel = kernels.keypoint_kernel(types, self._drawn.projection in launches.TABLES)
         arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, views, keypoints]

@@ -11,6 +11,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.plan import launches
+from warpcam.kernels.runtime.compile import building
 from warpcam.kernels.runtime.launch import Stage, bind_launch, prepare
 from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context
 from warpcam.kernels.scene_tables import SceneTables
@@ -37,7 +38,6 @@ class Labels:
         cameras: What ``read`` returns.
     """
 
-    @preserve_cuda_context()
     def __init__(
         self,
         renderer: Renderer,
@@ -48,7 +48,6 @@ class Labels:
         tolerance: float,
     ):
         scene, drawn = drawn_cameras(renderer, "labels")
-        torch_interop.require_no_capture(scene.device, "labels")
         self._renderer, self._scene, self._device = renderer, scene, scene.device
         self._selection, self._instances = Selection(scene.num_worlds, scene.device), instances
         table = find_keypoints(scene, keypoints)
@@ -71,10 +70,12 @@ class Labels:
             amodal=amodal,
         )
         self._boxes = common.boxes
-        self._shapes = {key: kept_shapes(drawn[key].camera, scene) for key in chosen}
-        self._cameras = {key: CameraStages(drawn[key], images[key], common) for key in chosen}
+        self._cameras = {
+            key: CameraStages(drawn[key], kept_shapes(drawn[key].camera, scene), images[key], common) for key in chosen
+        }
         self.cameras: dict[str | int, CameraLabels] = {key: each.labels for key, each in self._cameras.items()}
-        self._bind(scene.tables())
+        with building:
+            self._bind(scene.tables())
 
     def read(self, worlds: Any = None) -> Mapping[str | int, CameraLabels]:
         """Label the images of the last ``render()``, with the scene's poses as they are now.
@@ -95,7 +96,8 @@ class Labels:
                 self._selection.select(worlds, capturing, "Labels.read")
             tables = self._scene.tables()
             if tables is not self._tables:
-                self._bind(tables)
+                with building:
+                    self._bind(tables)
             self._run(capturing)
         return self.cameras
 
@@ -124,7 +126,7 @@ class Labels:
         arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, boxes]
         self._stages: list[Stage] = [
             bind_launch(kernels.box_kernel(types), boxes.half_extents.size, arguments, self._device),
-            *(stage for key, each in self._cameras.items() for stage in each.bind(tables, self._shapes[key])),
+            *(stage for each in self._cameras.values() for stage in each.bind(tables)),
         ]
         self._tables, self._graphs = tables, list[wp.Graph]()
         prepare(self._stages)
@@ -144,6 +146,7 @@ class Labels:
         self._graphs.append(capture.graph)
 
 
+@preserve_cuda_context()
 def labels(
     renderer: Renderer,
     cameras: Sequence[str | int] | None = None,
@@ -184,6 +187,7 @@ def labels(
     if not is_number or not 0.0 <= tolerance < math.inf:
         raise WarpcamError(f"labels: tolerance must be a finite number of at least 0 [m], got {tolerance!r}")
     scene: Scene = renderer.scene
+    torch_interop.require_no_capture(scene.device, "labels")
     if scene.tables().splats is not None:
         raise WarpcamError("labels: the scene has Gaussian splats, of which there are no labels")
     instances = find_instances(scene, by, ids)
