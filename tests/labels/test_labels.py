@@ -240,12 +240,13 @@ def test_worlds_of_newton_have_ids_of_their_own(device: wp.Device) -> None:
     assert all(np.isnan(found[name][1, 1]).all() for name in ("positions", "rotations", "corners", "depths"))
 
 
-def test_more_shapes_than_are_listed_at_once(device: wp.Device) -> None:
+@pytest.mark.parametrize(("width", "height"), [(40, 32), (1024, 24)])
+def test_more_shapes_and_pixels_than_are_listed_at_once(width: int, height: int, device: wp.Device) -> None:
     places = np.random.default_rng(0).uniform(-1.0, 1.0, (1100, 3))
     places[-1] = 1.4, 0.0, 0.0  # apart from the others: it makes the box wider
     balls = "".join(f'<geom size=".1" pos="{x:.3f} {y:.3f} {z:.3f}"/>' for x, y, z in places)
     mjm = scenes.compile_xml(f'<camera name="top" pos="0 0 4"/>{balls}')
-    camera = small_scene.camera("top", 40, 32, outputs=("bodies",))
+    camera = small_scene.camera("top", width, height, outputs=("bodies",))
     renderer = wc.Renderer(wc.from_mujoco(mjm, scenes.forward(mjm), device=device), [camera])
     image = renderer.render()["top"]["bodies"].cpu().numpy()
     found = label_reference.on_host(wc.labels(renderer).read()["top"])

@@ -18,6 +18,7 @@ from warpcam.labeling.instances import Instances
 from warpcam.render.drawn_cameras import DrawnCamera
 
 RUN = 32  # pixels that a CUDA thread reads
+FILLING = 20  # blocks for each multiprocessor that keep it busy
 MAX_THREADS = 2**31  # of a launch, and one more
 
 
@@ -129,7 +130,8 @@ class CameraStages:
         key = kernels.CoverKey(types, self._lens, launches.list_capacity(self._largest, device, most))
         regions = launches.regions_of(cover.width, cover.height, (kernels.REGION, kernels.REGION))
         threads = launches.world_threads(self._count, device) * self._worlds
-        cover.parts = max(1, min(regions, (MAX_THREADS - 1) // threads)) if device.is_cuda else 1
+        wanted = -(-FILLING * device.sm_count // (self._worlds * self._count)) if device.is_cuda else 1
+        cover.parts = max(1, min(regions, wanted, (MAX_THREADS - 1) // threads))
         arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, self._drawn.views, cover]
         return self._launch(kernels.cover_kernel(key), threads * cover.parts, arguments, launches.THREADS)
 

@@ -14,7 +14,7 @@ from warpcam.kernels.types import HeightFields, Materials, Meshes, Shapes, View
 
 wp.set_module_options(compiler_flags())
 
-REGION = 64  # pixels of a side that a block traces at once: native/labels/coverage.h, COVER_SIZE
+REGION = 64  # pixels of a window's side: native/labels/coverage.h, COVER_SIZE
 EXTENT_NUMBERS = 5  # native/labels/coverage.h
 ABSENT = 2**31 - 1  # stands after the keys of a world's instances
 CORNERS = 8  # of a box
@@ -38,7 +38,7 @@ class Cover:
     extents: wp.array3d(dtype=wp.int32)  # (world, instance, EXTENT_NUMBERS) left, top, right, bottom, pixels
     width: wp.int32  # of the image [pixels]
     height: wp.int32
-    parts: wp.int32  # blocks of an instance, each of which has every so many-th region
+    parts: wp.int32  # blocks of an instance, each of which has every so many-th window
 
 
 @wp.struct

@@ -1,14 +1,18 @@
 // What each instance would cover of an image if nothing else were there: its own shapes are traced alone.
 //
-// Rays, shapes and culls are those of the trace. A region's covered pixels are bits in shared memory, so that shapes may
-// come in several passes.
+// Rays, shapes and culls are those of the trace. The shapes are listed once for a large part of the image; what they touch
+// of it is traced window by window, with the same list if one window holds it. A window's covered pixels are bits in
+// shared memory, so that shapes may come in several passes.
 #pragma once
 #include "traversal/visibility.h"
 
 namespace warpcam {
 
-constexpr int COVER_SIZE = 64;  // pixels of a region's side
+constexpr int COVER_SIZE = 64;  // pixels of a window's side
 constexpr int COVER_WORDS = COVER_SIZE * COVER_SIZE / 32, ROW_WORDS = COVER_SIZE / 32;
+// Pixels of a part whose shapes are listed together: with a table of rays as few as its cones are looked at together.
+constexpr int part_width(int lens) { return has_table(lens) ? COVER_SIZE : 8 * COVER_SIZE; }
+constexpr int part_height(int lens) { return has_table(lens) ? COVER_SIZE : 4 * COVER_SIZE; }
 constexpr int EXTENT_NUMBERS = 5;  // left, top, right, bottom, pixels; warpcam/labeling/kernels.py has the same
 
 WARPCAM_DEVICE int leading_zeros(unsigned bits)
@@ -48,14 +52,14 @@ WARPCAM_DEVICE void extend(int* extent, int left, int top, int right, int bottom
 #endif
 }
 
-// Target of the trace: a bit for each pixel of a region.
+// Target of the trace: a bit for each pixel of a window.
 template <class Types, int LENS> struct CoverTarget {
     static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, TILE_COLUMNS_PER_WARP = 1, part = 0, parts = 1;
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false;
 
     const Camera& camera;
     Region region;  // tiles that are traced
-    int left, top;  // of the region whose bits these are
+    int left, top;  // of the window whose bits these are
     int width, height;  // of the image
     unsigned* covered;  // COVER_WORDS
 
@@ -92,9 +96,8 @@ template <class Types, int LENS> struct CoverTarget {
     }
 };
 
-// The part of a region that the listed shapes touch; their tiles are counted from its corner afterwards. For all threads
-// of the block, and before the list is sorted, in which each thread reads what it has written here.
-template <int CAPACITY> WARPCAM_DEVICE Region touched_part(ShapeList<CAPACITY>& list, const Region& region, int thread)
+// Tiles of a region, counted from its corner, that the listed shapes touch, of which there is at least one.
+template <int CAPACITY> WARPCAM_DEVICE TileRect touched_tiles(const ShapeList<CAPACITY>& list)
 {
     TileRect all = list.touched[0];
     for (int slot = 1; slot < list.count; ++slot) {
@@ -102,18 +105,29 @@ template <int CAPACITY> WARPCAM_DEVICE Region touched_part(ShapeList<CAPACITY>& 
         all = { one.left < all.left ? one.left : all.left, one.top < all.top ? one.top : all.top,
                 one.right > all.right ? one.right : all.right, one.bottom > all.bottom ? one.bottom : all.bottom };
     }
-    block_sync();
+    return all;
+}
+
+WARPCAM_DEVICE Region region_of_tiles(const Region& region, const TileRect& tiles)
+{
+    return { region.left + tiles.left * TILE_WIDTH, region.top + tiles.top * TILE_HEIGHT,
+             (tiles.right - tiles.left + 1) * TILE_WIDTH, (tiles.bottom - tiles.top + 1) * TILE_HEIGHT };
+}
+
+// Counts the listed shapes' tiles from another tile's corner. For all threads of the block, when all have read them, and
+// before the list is sorted, in which each thread reads what it has written here.
+template <int CAPACITY>
+WARPCAM_DEVICE void count_tiles_from(ShapeList<CAPACITY>& list, const TileRect& corner, int thread)
+{
     const auto less = [](signed char a, signed char b) { return static_cast<signed char>(a - b); };
     for (int slot = thread; slot < list.count; slot += THREADS) {
         TileRect& one = list.touched[slot];
-        one = { less(one.left, all.left), less(one.top, all.top), less(one.right, all.left),
-                less(one.bottom, all.top) };
+        one = { less(one.left, corner.left), less(one.top, corner.top), less(one.right, corner.left),
+                less(one.bottom, corner.top) };
     }
-    return { region.left + all.left * TILE_WIDTH, region.top + all.top * TILE_HEIGHT,
-             (all.right - all.left + 1) * TILE_WIDTH, (all.bottom - all.top + 1) * TILE_HEIGHT };
 }
 
-// Adds what is covered of a region to an extent; for all threads of the block.
+// Adds what is covered of a window to an extent; for all threads of the block.
 WARPCAM_DEVICE void add_covered(const unsigned* covered, const Region& region, int* extent, int thread)
 {
     for (int row = thread; row < region.height; row += THREADS) {
@@ -127,8 +141,8 @@ WARPCAM_DEVICE void add_covered(const unsigned* covered, const Region& region, i
     }
 }
 
-// Extends the extent of one instance in one view by what its shapes cover of some of the image's regions. `index`
-// counts worlds, then instances, then parts, then (CUDA) threads of the block. `cover`: Cover of
+// Extends the extent of one instance in one view by what its shapes cover of some of the image's windows. `index` counts
+// worlds, then instances, then parts, then (CUDA) threads of the block. `cover`: Cover of
 // warpcam/labeling/kernels.py.
 template <class Types, int LENS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields,
           class Views, class Cover>
@@ -159,38 +173,64 @@ WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materi
     if (!(abs(camera.origin.x) < MISS))
         return;
     const auto hidden = [&](int id, bool formless) { return formless || transparent(shapes, materials, world, id); };
-    const int across = (cover.width + COVER_SIZE - 1) / COVER_SIZE,
-              regions = across * ((cover.height + COVER_SIZE - 1) / COVER_SIZE);
-    for (int number = part; number < regions; number += cover.parts) {
-        Region region { number % across * COVER_SIZE, number / across * COVER_SIZE, 0, 0 };
-        region.width = min(COVER_SIZE, (cover.width - region.left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH);
-        region.height = min(COVER_SIZE, (cover.height - region.top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT);
-        bool any = false;
-        int begin = 0;
-        do {
-            if (thread == 0)
-                begin_list(list);
-            block_sync();
-            begin = build_shape_list<Types, LENS, false, false>(list, begin, own, meshes, fields, hidden, camera,
-                                                                region, world, thread);
-            if (list.broken)  // the world shows nothing
-                return;
-            if (list.count > 0) {
-                for (int word = thread; word < COVER_WORDS && !any; word += THREADS)
-                    covered[word] = 0u;
-                any = true;
-                const CoverTarget<Types, LENS> target { camera,      touched_part(list, region, thread),
-                                                        region.left, region.top,
-                                                        cover.width, cover.height,
-                                                        covered };
-                sort_by_depth(list, thread, [](int, int) {});
+    const auto list_shapes = [&](const Region& region, int begin) {
+        if (thread == 0)
+            begin_list(list);
+        block_sync();
+        return build_shape_list<Types, LENS, false, false>(list, begin, own, meshes, fields, hidden, camera, region,
+                                                           world, thread);
+    };
+    // Of the image, up to so many pixels from a corner on, in whole tiles.
+    const auto region_at = [&](int left, int top, int width, int height) {
+        return Region { left, top, min(width, (cover.width - left + TILE_WIDTH - 1) / TILE_WIDTH * TILE_WIDTH),
+                        min(height, (cover.height - top + TILE_HEIGHT - 1) / TILE_HEIGHT * TILE_HEIGHT) };
+    };
+    constexpr int WIDTH = part_width(LENS), HEIGHT = part_height(LENS);
+    const int across = (cover.width + WIDTH - 1) / WIDTH, image_parts = across * ((cover.height + HEIGHT - 1) / HEIGHT);
+    int windows = 0;  // so far: the blocks of an instance take turns
+    for (int number = 0; number < image_parts; ++number) {
+        const Region whole = region_at(number % across * WIDTH, number / across * HEIGHT, WIDTH, HEIGHT);
+        const bool has_all = list_shapes(whole, 0) == count;
+        if (list.broken)  // the world shows nothing
+            return;
+        Region rest = whole;
+        if (has_all)
+            rest = list.count > 0 ? region_of_tiles(whole, touched_tiles(list)) : Region { 0, 0, 0, 0 };
+        const int columns = (rest.width + COVER_SIZE - 1) / COVER_SIZE,
+                  count_windows = columns * ((rest.height + COVER_SIZE - 1) / COVER_SIZE);
+        bool is_listed = has_all && count_windows == 1;
+        block_sync();
+        for (int k = 0; k < count_windows; ++k) {
+            if (windows++ % cover.parts != part)
+                continue;
+            const int left = k % columns * COVER_SIZE, top = k / columns * COVER_SIZE;
+            const Region window { rest.left + left, rest.top + top, min(COVER_SIZE, rest.width - left),
+                                  min(COVER_SIZE, rest.height - top) };
+            for (int word = thread; word < COVER_WORDS; word += THREADS)
+                covered[word] = 0u;
+            int begin = is_listed ? count : 0;
+            do {
+                if (!is_listed)
+                    begin = list_shapes(window, begin);
+                if (list.broken)
+                    return;
+                if (list.count > 0) {
+                    const TileRect tiles = touched_tiles(list);
+                    const Region& listed = is_listed ? whole : window;
+                    const CoverTarget<Types, LENS> target { camera,      region_of_tiles(listed, tiles),
+                                                            window.left, window.top,
+                                                            cover.width, cover.height,
+                                                            covered };
+                    block_sync();
+                    count_tiles_from(list, tiles, thread);
+                    sort_by_depth(list, thread, [](int, int) {});
+                    block_sync();
+                    draw_tiles<Types, LENS>(list, target, meshes, fields, true);
+                }
                 block_sync();
-                draw_tiles<Types, LENS>(list, target, meshes, fields, true);
-            }
-            block_sync();
-        } while (begin < count);
-        if (any) {
-            add_covered(covered, region, extent, thread);
+                is_listed = false;
+            } while (begin < count);
+            add_covered(covered, window, extent, thread);
             block_sync();
         }
     }
