@@ -224,14 +224,20 @@ def test_worlds_of_newton_have_ids_of_their_own(device: wp.Device) -> None:
     both.add_world(one)
     both.add_world(other)
     scene = wc.from_newton(*newton_scenes.finalize(both, device))
-    renderer = wc.Renderer(scene, [newton_scenes.eye(outputs=("bodies",))])
-    image = renderer.render()["eye"]["bodies"][..., 0].cpu().numpy()
+    renderer = wc.Renderer(scene, [newton_scenes.eye(outputs=("bodies", "instances"))])
+    renderer.render()
+    image, things = (own_images(renderer, output)["eye"] for output in ("bodies", "instances"))
     labels = wc.labels(renderer)
     assert labels.ids.tolist() == [[0, 1, 2], [3, -1, -1]]
     found = label_reference.on_host(labels.read()["eye"])
     expected = [[(image[0] == body).sum() for body in range(3)], [(image[1] == 3).sum(), 0, 0]]
     assert found["visible_pixels"].tolist() == expected and min(expected[0]) > 20
     assert found["amodal_pixels"][1].tolist() == expected[1]
+    instances = wc.labels(renderer, by="instance")
+    of_things = label_reference.on_host(instances.read()["eye"])
+    for world, ids in enumerate(instances.ids.tolist()):
+        seen = [(things[world] == thing).sum() if thing >= 0 else 0 for thing in ids]
+        assert of_things["visible_pixels"][world].tolist() == seen and sum(seen) == sum(expected[world])
     np.testing.assert_allclose(found["half_extents"][:, 0], [(0.3, 0.3, 0.3), (0.2, 0.3, 0.2)], atol=1e-6)
     corners = (mesh.vertices * scale) @ scenes.matrix(turn[[3, 0, 1, 2]]).T + (0.1, 0.0, 0.0)
     low, high = corners.min(axis=0), corners.max(axis=0)
