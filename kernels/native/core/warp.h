@@ -49,6 +49,18 @@ WARPCAM_DEVICE int warp_reduce_add(int number)
 #endif
 }
 
+// The greatest of them.
+WARPCAM_DEVICE int warp_reduce_max(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_max_sync(FULL_WARP, number);
+#else
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number = max(number, __shfl_xor_sync(FULL_WARP, number, step));
+    return number;
+#endif
+}
+
 // The least of them.
 WARPCAM_DEVICE int warp_reduce_min(int number)
 {

@@ -3,7 +3,7 @@
 #include "traversal/trace_target.h"
 #include "traversal/enclosing_mesh_cull.h"
 #include "traversal/mesh_closest_hit.h"
-#include "geometry/shape_state.h"
+#include "traversal/shapes_in_view.h"
 #if !defined(__CUDA_ARCH__)
 #include "traversal/trace_target_simd.h"
 #include "traversal/sphere_cull_simd.h"
@@ -87,6 +87,51 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& li
 }
 
 #if defined(__CUDA_ARCH__)
+
+// Fills the list with shapes in view that are nearer than `farthest`, from `begin` on, until it is full; returns where
+// to go on.
+template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
+          class Hidden>
+WARPCAM_DEVICE int choose_in_view(ShapeList<CAPACITY>& list, int begin, const ListInView& in_view, float farthest,
+                                  const TileRect& cells, const Shapes& shapes, const Meshes& meshes,
+                                  const HeightFields& fields, const Hidden& hidden, const Camera& camera,
+                                  const Region& region, int world, int thread)
+{
+    WARPCAM_SHARED int counts[2][THREADS / WARP_SIZE], next;
+    int* const places = reinterpret_cast<int*>(list.tiles);  // which is filled later
+    const int total = in_view.count(), sorted = in_view.sorted();
+    int chosen = 0;
+    for (int round = 0; begin < total; ++round) {
+        if (begin < sorted && in_view.at(begin).nearest() >= farthest) {
+            begin = sorted;  // all that follows lies behind what is seen
+            continue;
+        }
+        const int i = begin + thread;
+        bool touches = false;
+        ShapeInView shape { 0 };
+        if (i < total) {
+            shape = in_view.at(i);
+            touches = shape.touches(cells) && shape.nearest() < farthest;
+        }
+        const int place = place_among(touches, chosen, counts[round & 1], thread);
+        if (touches && place < CAPACITY)
+            places[place] = shape.place();
+        if (touches && place == CAPACITY)
+            next = i;
+        if (chosen > CAPACITY) {
+            block_sync();
+            begin = next;
+            break;
+        }
+        begin += THREADS;
+    }
+    block_sync();
+    for (int i = thread; i < min(chosen, CAPACITY); i += THREADS)
+        list_shape<Types, LENS, HITS_NAME_SLOTS>(list, places[i], shapes, meshes, fields, hidden, camera, region,
+                                                 world);
+    block_sync();
+    return begin;
+}
 
 // Draws the tiles of a region against the list, a warp TILES_PER_WARP of them at once, one below the other.
 template <class Types, int LENS, class List, class TraceTarget_, class Meshes, class HeightFields>
@@ -275,9 +320,21 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
         return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, trace_target, shapes, meshes, fields, hidden, world,
                                                         thread, not_drawn);
 #endif
-    const int total = not_drawn ? 0 : shapes.drawn.shape[0];
+    constexpr bool FROM_VIEW = TraceTarget_::FROM_VIEW;
+    int total = not_drawn ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
+#if defined(__CUDA_ARCH__)
+    [[maybe_unused]] const auto in_view = [&] {
+        if constexpr (FROM_VIEW)
+            return trace_target.in_view();
+        else
+            return 0;
+    }();
+    [[maybe_unused]] float farthest = MISS;
+    if constexpr (FROM_VIEW)
+        total = in_view.count();
+#endif
     do {
         if (MULTIPASS && !first) {
             if (thread == 0) {
@@ -287,7 +344,13 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
             block_sync();
         }
         trace_target.begin(thread);
-        if (!not_drawn)
+#if defined(__CUDA_ARCH__)
+        if constexpr (FROM_VIEW)
+            begin = choose_in_view<Types, LENS, HITS_NAME_SLOTS>(list, begin, in_view, farthest, trace_target.cells(),
+                                                                 shapes, meshes, fields, hidden, trace_target.camera,
+                                                                 trace_target.region, world, thread);
+#endif
+        if (!FROM_VIEW && !not_drawn)
             begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(
                 list, begin, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
@@ -311,6 +374,11 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
         draw_tiles<Types, LENS>(list, trace_target, meshes, fields, !MULTIPASS || first);
         first = false;
         block_sync();
+#if defined(__CUDA_ARCH__)
+        if constexpr (FROM_VIEW)
+            if (begin < total)
+                farthest = trace_target.deepest(list.ids, thread);
+#endif
     } while (MULTIPASS && begin < total);
 }
 
