@@ -55,13 +55,15 @@ LISTED_TRACED = ("depth", "segmentation", "distance", "points", "bodies", "norma
 LISTED_OUTPUTS = frozenset((*LISTED_TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
 HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
 LANES = 32
-IN_VIEW_FROM = 129  # shapes: from so many on the trace chooses from those in view
-IN_VIEW_CAPACITY = 128  # shapes of a pass of such a trace
-MOST_IN_VIEW = 2**16  # shapes: native/traversal/shapes_in_view.h, ShapeInView
-SORTED = (512, 4096)  # shapes that are sorted together
+# Where the trace chooses from the shapes in view: from so many on, where rays walk through none of them in images of so
+# many pixels on.
+IN_VIEW_FROM, IN_VIEW_PIXELS = 129, 16 * 64 * 64
+MOST_IN_VIEW = 2**16  # shapes that can be told apart there: native/traversal/shapes_in_view.h, ShapeInView
+IN_VIEW_CAPACITY, IN_VIEW_ANALYTIC_CAPACITY = 64, 128  # shapes of a pass of such a trace
+SORTED = (512, 1024, 2048, 4096)  # shapes that are sorted together
 # pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
 MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
-IN_VIEW_BLOCKS = 6
+IN_VIEW_BLOCKS = 8
 LIST_BLOCKS, LIST_FLOW_BLOCKS = (
     7,
     5,
@@ -155,7 +157,9 @@ def plan_trace(
     """
     width, height = request.width, request.height
     most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
-    capacity = IN_VIEW_CAPACITY if in_view else launches.list_capacity(tables.num_drawn, device, most)
+    capacity = launches.list_capacity(tables.num_drawn, device, most)
+    if in_view:
+        capacity = IN_VIEW_ANALYTIC_CAPACITY if launches.is_analytic(tables.shape_types) else IN_VIEW_CAPACITY
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     outputs |= flag_if(TraceFlag.IN_VIEW, in_view)
@@ -194,10 +198,10 @@ def plan_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) 
 
 def chooses_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) -> bool:
     """Return whether a pass lists the shapes in view, nearest first, for the trace to choose from."""
+    large = request.width * request.height >= IN_VIEW_PIXELS or not launches.is_analytic(tables.shape_types)
     many = IN_VIEW_FROM <= tables.num_drawn <= MOST_IN_VIEW
-    return device.is_cuda and many and request.lens not in launches.TABLES and set(history.OUTPUTS).isdisjoint(
-        request.outputs
-    )
+    known = request.lens not in launches.TABLES and set(history.OUTPUTS).isdisjoint(request.outputs)
+    return device.is_cuda and many and large and known
 
 
 def in_view_rows(tables: SceneTables) -> int:

@@ -18,23 +18,20 @@ struct Cells {
     }
 };
 
-// A shape in view as 64 bits that sort by depth, of shapes at one place the later first: the bits of its least depth,
-// its place among the drawn ones from the end, its first and last cell across and down.
+// A shape in view: bits of a depth that it reaches at least, its place among the drawn ones, its first and last cell
+// across and down.
 struct ShapeInView {
-    static constexpr unsigned PLACES = 0xffffu;
+    unsigned long long word;
 
-    unsigned long long key;
-
-    WARPCAM_DEVICE static ShapeInView of(int nearest, int place, const TileRect& cells)
+    WARPCAM_DEVICE static unsigned place_and_cells(int place, const TileRect& cells)
     {
-        const unsigned rect = cells.left | cells.top << 4 | cells.right << 8 | cells.bottom << 12;
-        return { (unsigned long long)(nearest & 0x7fffffff) << 32 | (PLACES - unsigned(place)) << 16 | rect };
+        return unsigned(place) << 16 | cells.left | cells.top << 4 | cells.right << 8 | cells.bottom << 12;
     }
-    WARPCAM_DEVICE float nearest() const { return as_float(int(key >> 32)); }
-    WARPCAM_DEVICE int place() const { return int(PLACES - (unsigned(key) >> 16)); }
+    WARPCAM_DEVICE float nearest() const { return as_float(int(word >> 32)); }
+    WARPCAM_DEVICE int place() const { return int(unsigned(word) >> 16); }
     WARPCAM_DEVICE bool touches(const TileRect& cells) const
     {
-        const int rect = int(key);
+        const int rect = int(word);
         return (rect & 15) <= cells.right && (rect >> 8 & 15) >= cells.left && (rect >> 4 & 15) <= cells.bottom
                && (rect >> 12 & 15) >= cells.top;
     }
@@ -54,28 +51,80 @@ struct ListInView {
     WARPCAM_DEVICE ShapeInView at(int index) const { return { words[1 + index] }; }
 };
 
-// Sorts so many keys, with room up to the next power of two, by a block.
-WARPCAM_DEVICE void sort_keys(unsigned long long* keys, int count, int thread)
-{
-    int size = 1;
-    while (size < count)
-        size *= 2;
-    for (int i = count + thread; i < size; i += THREADS)
-        keys[i] = ~0ull;
-    block_sync();
-    for (int run = 2; run <= size; run *= 2)
-        for (int step = run / 2; step > 0; step /= 2) {
-            for (int i = thread; i < size / 2; i += THREADS) {
-                const int low = (i & ~(step - 1)) << 1 | (i & (step - 1)), high = low + step;
-                const unsigned long long a = keys[low], b = keys[high];
-                if ((a > b) == ((low & run) == 0)) {
-                    keys[low] = b;
-                    keys[high] = a;
+// Shapes to be sorted by depth, by a block; of those at one depth the later first. ROOM: a power of two.
+template <int ROOM> struct DepthOrder {
+    static constexpr int SLOT_BITS = 12, DROPPED = 31 - (32 - SLOT_BITS);  // bits of a depth that keys have no room for
+    static constexpr unsigned LAST = (1u << SLOT_BITS) - 1u;
+    static_assert(ROOM >= 2 * WARP_SIZE && ROOM <= 1 << SLOT_BITS);
+
+    unsigned keys[ROOM];  // the depth's first bits, the slot from the end
+    unsigned shapes[ROOM];  // by slot
+
+    WARPCAM_DEVICE void put(int slot, int nearest, unsigned shape)
+    {
+        keys[slot] = unsigned(nearest & 0x7fffffff) >> DROPPED << SLOT_BITS | (LAST - unsigned(slot));
+        shapes[slot] = shape;
+    }
+    WARPCAM_DEVICE unsigned long long at_rank(int rank) const
+    {
+        const unsigned key = keys[rank];
+        return (unsigned long long)(key >> SLOT_BITS << DROPPED) << 32 | shapes[LAST - (key & LAST)];
+    }
+
+    // Bitonic: runs of up to 64 keys by a warp alone, which has two a lane.
+    WARPCAM_DEVICE void sort(int count, int thread)
+    {
+        constexpr int ALONE = 2 * WARP_SIZE;
+        int size = ALONE;
+        while (size < count)
+            size *= 2;
+        for (int i = count + thread; i < size; i += THREADS)
+            keys[i] = ~0u;
+        block_sync();
+        sort_alone(2, ALONE, size, thread);
+        for (int run = 2 * ALONE; run <= size; run *= 2) {
+            for (int step = run / 2; step >= ALONE; step /= 2) {
+                for (int i = thread; i < size / 2; i += THREADS) {
+                    const int low = (i & ~(step - 1)) << 1 | (i & (step - 1)), high = low + step;
+                    const unsigned a = keys[low], b = keys[high];
+                    if ((a > b) == ((low & run) == 0)) {
+                        keys[low] = b;
+                        keys[high] = a;
+                    }
+                }
+                block_sync();
+            }
+            sort_alone(run, run, size, thread);
+        }
+    }
+
+  private:
+    // The steps within 64 keys of the runs from `first` to `last`.
+    WARPCAM_DEVICE void sort_alone(int first, int last, int size, int thread)
+    {
+        const int lane = thread % WARP_SIZE;
+        for (int begin = thread / WARP_SIZE * 2 * WARP_SIZE; begin < size; begin += 2 * THREADS) {
+            unsigned low = keys[begin + lane], high = keys[begin + WARP_SIZE + lane];
+            for (int run = first; run <= last; run *= 2) {
+                const bool up = ((begin + lane) & run) == 0, up_too = ((begin + WARP_SIZE + lane) & run) == 0;
+                if (run > WARP_SIZE) {
+                    const unsigned a = umin(low, high), b = umax(low, high);
+                    low = up ? a : b;
+                    high = up ? b : a;
+                }
+                for (int step = min(run / 2, WARP_SIZE / 2); step > 0; step /= 2) {
+                    const bool first_of_two = (lane & step) == 0;
+                    const unsigned a = __shfl_xor_sync(FULL_WARP, low, step), b = __shfl_xor_sync(FULL_WARP, high, step);
+                    low = first_of_two == up ? umin(low, a) : umax(low, a);
+                    high = first_of_two == up_too ? umin(high, b) : umax(high, b);
                 }
             }
-            block_sync();
+            keys[begin + lane] = low;
+            keys[begin + WARP_SIZE + lane] = high;
         }
-}
+        block_sync();
+    }
+};
 
 // The place of each thread that is `chosen` among those of the block that are, in the threads' order, from `begin` on;
 // makes that the place after the last. `counts`: room for a number of each warp. The block meets.
@@ -100,7 +149,7 @@ template <class Types, int LENS, int ROOM, class Shapes, class Materials, class 
 WARPCAM_DEVICE void list_in_view(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                  const HeightFields& fields, const Views& views, const Stage& stage, int index)
 {
-    WARPCAM_SHARED unsigned long long keys[ROOM];
+    WARPCAM_SHARED DepthOrder<ROOM> order;
     WARPCAM_SHARED int counts[2][THREADS / WARP_SIZE], broken;
     const int thread = index % THREADS, world = warp_uniform(index / THREADS);
     if (!wp::index(stage.mask, world))
@@ -115,9 +164,9 @@ WARPCAM_DEVICE void list_in_view(const Shapes& shapes, const Materials& material
     const int total = abs(camera.origin.x) < MISS ? shapes.drawn.shape[0] : 0;
     int written = 0, count = 0, sorted = 0;
     const auto flush = [&] {
-        sort_keys(keys, count, thread);
-        for (int i = thread; i < count; i += THREADS)
-            words[1 + written + i] = keys[i];
+        order.sort(count, thread);
+        for (int rank = thread; rank < count; rank += THREADS)
+            words[1 + written + rank] = order.at_rank(rank);
         sorted = written == 0 ? count : sorted;
         written += count;
         count = 0;
@@ -127,12 +176,11 @@ WARPCAM_DEVICE void list_in_view(const Shapes& shapes, const Materials& material
         if (count + THREADS > ROOM)
             flush();
         const int place = begin + thread;
-        ShapeInView listed { 0 };
         bool seen = false;
+        ShapeRecord record;
+        TileRect rect {};
         if (place < total) {
             const int id = wp::index(shapes.drawn, place);
-            ShapeRecord record;
-            TileRect rect;
             const Visible found = setup_shape<Types, LENS>(load_shape(shapes, world, id), camera,
                                                            { 0, 0, stage.width, stage.height }, meshes, fields, record,
                                                            rect, cells.width, cells.height);
@@ -142,11 +190,10 @@ WARPCAM_DEVICE void list_in_view(const Shapes& shapes, const Materials& material
             if (found == FORMLESS && !unseen)
                 stage.faults.data[world] = 1;
             seen = found == SEEN && !unseen;
-            listed = ShapeInView::of(record.size.w, place, rect);
         }
-        const int at = place_among(seen, count, counts[begin / THREADS & 1], thread);
+        const int slot = place_among(seen, count, counts[begin / THREADS & 1], thread);
         if (seen)
-            keys[at] = listed.key;
+            order.put(slot, record.size.w, ShapeInView::place_and_cells(place, rect));
     }
     block_sync();
     flush();
