@@ -98,7 +98,7 @@ template <int ROOM> struct DepthOrder {
         }
     }
 
-  private:
+private:
     // The steps within 64 keys of the runs from `first` to `last`.
     WARPCAM_DEVICE void sort_alone(int first, int last, int size, int thread)
     {
@@ -114,7 +114,8 @@ template <int ROOM> struct DepthOrder {
                 }
                 for (int step = min(run / 2, WARP_SIZE / 2); step > 0; step /= 2) {
                     const bool first_of_two = (lane & step) == 0;
-                    const unsigned a = __shfl_xor_sync(FULL_WARP, low, step), b = __shfl_xor_sync(FULL_WARP, high, step);
+                    const unsigned a = __shfl_xor_sync(FULL_WARP, low, step),
+                                   b = __shfl_xor_sync(FULL_WARP, high, step);
                     low = first_of_two == up ? umin(low, a) : umax(low, a);
                     high = first_of_two == up_too ? umin(high, b) : umax(high, b);
                 }
@@ -125,22 +126,6 @@ template <int ROOM> struct DepthOrder {
         block_sync();
     }
 };
-
-// The place of each thread that is `chosen` among those of the block that are, in the threads' order, from `begin` on;
-// makes that the place after the last. `counts`: room for a number of each warp. The block meets.
-WARPCAM_DEVICE int place_among(bool chosen, int& begin, int* counts, int thread)
-{
-    const unsigned votes = __ballot_sync(FULL_WARP, chosen);
-    if (thread % WARP_SIZE == 0)
-        counts[thread / WARP_SIZE] = __popc(votes);
-    block_sync();
-    int place = begin + __popc(votes & ((1u << thread % WARP_SIZE) - 1u));
-    for (int warp = 0; warp < THREADS / WARP_SIZE; ++warp) {
-        place += warp < thread / WARP_SIZE ? counts[warp] : 0;
-        begin += counts[warp];
-    }
-    return place;
-}
 
 // Lists the shapes of one view; `index` counts worlds, then threads of the block. ROOM: shapes that are sorted
 // together, a power of two.
@@ -181,9 +166,9 @@ WARPCAM_DEVICE void list_in_view(const Shapes& shapes, const Materials& material
         TileRect rect {};
         if (place < total) {
             const int id = wp::index(shapes.drawn, place);
-            const Visible found = setup_shape<Types, LENS>(load_shape(shapes, world, id), camera,
-                                                           { 0, 0, stage.width, stage.height }, meshes, fields, record,
-                                                           rect, cells.width, cells.height);
+            const Visible found =
+                setup_shape<Types, LENS>(load_shape(shapes, world, id), camera, { 0, 0, stage.width, stage.height },
+                                         meshes, fields, record, rect, cells.width, cells.height);
             if (found == BROKEN)
                 broken = 1;
             const bool unseen = found == SEEN || found == FORMLESS ? transparent(shapes, materials, world, id) : true;
