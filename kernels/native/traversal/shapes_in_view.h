@@ -16,6 +16,15 @@ struct Cells {
     {
         return { (width + ACROSS - 1) / ACROSS, (height + ACROSS - 1) / ACROSS };
     }
+    // First and last cell, across and down, of a region of an image of that size.
+    WARPCAM_DEVICE static TileRect of(const Region& region, int width, int height)
+    {
+        const Cells size = of(width, height);
+        const auto cell = [](int pixel, int length) { return static_cast<signed char>(pixel / length); };
+        return { cell(region.left, size.width), cell(region.top, size.height),
+                 cell(min(region.left + region.width, width) - 1, size.width),
+                 cell(min(region.top + region.height, height) - 1, size.height) };
+    }
 };
 
 // A shape in view: bits of a depth that it reaches at least, its place among the drawn ones, its first and last cell

@@ -5,7 +5,6 @@
 #include "flow/shape_motion.h"
 #include "geometry/analytic_normal.h"
 #include "output/hit_attributes.h"
-#include "traversal/shapes_in_view.h"
 #include "traversal/trace_outputs.h"
 #include "output/store_vec3.h"
 #include "traversal/trace_tile.h"
@@ -57,22 +56,7 @@ struct TraceTarget {
         return (OUTPUTS & NO_PARTIAL_TILES) || (i < target.width && j < target.height);
     }
 
-#if defined(__CUDA_ARCH__)
-    static constexpr bool FROM_VIEW = (OUTPUTS & IN_VIEW) != 0;
-
-    // The shapes in view, where they have been listed, and the cells of the image that the region touches.
-    WARPCAM_DEVICE ListInView in_view() const { return ListInView::of(target.lists, world); }
-    WARPCAM_DEVICE TileRect cells() const
-    {
-        const Cells size = Cells::of(target.width, target.height);
-        const auto cell = [](int pixel, int length) { return static_cast<signed char>(pixel / length); };
-        return { cell(region.left, size.width), cell(region.top, size.height),
-                 cell(min(region.left + region.width, target.width) - 1, size.width),
-                 cell(min(region.top + region.height, target.height) - 1, size.height) };
-    }
-#else
-    static constexpr bool FROM_VIEW = false;
-#endif
+    static constexpr bool FROM_VIEW = THREADS > 1 && (OUTPUTS & IN_VIEW);  // see traversal/shapes_in_view.h
 
     // The number of a pixel, of all worlds': that of the k-th tile below pixel (i, j). In images of known size these
     // are at known distances from one address.
@@ -192,30 +176,6 @@ struct TraceTarget {
                 hit.depth = next_float(hit.depth);
         }
         return hit;
-    }
-
-    // For all threads of the block, after a pass: how deep the region's pixels are at most. `of_warps`: room for a
-    // number of each warp.
-    WARPCAM_DEVICE float deepest(int* of_warps, int thread) const
-    {
-        int most = 0;  // bits of a depth, which are in order
-#if defined(__CUDA_ARCH__)
-        const int pixels = region.width * region.height;
-        for (int pixel = thread; pixel < pixels; pixel += THREADS) {
-            const int j = unsigned(pixel) / unsigned(region.width), i = region.left + (pixel - j * region.width);
-            if (inside(i, region.top + j)) {
-                const auto from = at(i, region.top + j);
-                most = max(most, as_int(target.shape.data[from] >= 0 ? target.depth.data[from] : camera.far));
-            }
-        }
-        most = warp_reduce_max(most);
-        if (thread % WARP_SIZE == 0)
-            of_warps[thread / WARP_SIZE] = most;
-        block_sync();
-        for (int warp = 0; warp < THREADS / WARP_SIZE; ++warp)
-            most = max(most, of_warps[warp]);
-#endif
-        return as_float(most);
     }
 
     // Writes a pixel of the image, that of the k-th tile below (i, j): WHAT of it.
