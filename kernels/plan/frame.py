@@ -154,7 +154,9 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     in_view = trace.chooses_in_view(tables, request, device)
     in_place = bool(smooth) and edges.in_place(tables, request, device)
     buffers = _buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
-    planner = _Planner(tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0, in_view=in_view)
+    planner = _Planner(
+        tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0, in_view=in_view
+    )
     rest = tuple(name for name in request.outputs if name not in lit)
     if transparent:  # what is seen through is not where the other outputs have it
         sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
@@ -313,7 +315,9 @@ class _Planner:
 
     def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass[Any]:
         roles, flags = [role for role, _ in arrays], shading.traced_albedo_flags(self.tables)
-        launch = self._plan(trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view)
+        launch = self._plan(
+            trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view
+        )
         return self._pass("trace", launch, arrays)
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
