@@ -33,7 +33,8 @@ class CameraFrame:
         mirrors: Mirror, (world,); empty where no image shows mirrors.
         mirrored: View, (world,), likewise: the views from behind the mirrors.
         flow_history: FlowHistory, where flow is wanted, else None.
-        lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py, if they are.
+        lists: vec4, (world, row): the shapes listed for these views, by view_shape_lists.py or shapes_in_view.py, if
+            they are.
         group: Which worlds are drawn.
         device: Where all of these lie.
     """

@@ -62,8 +62,8 @@ def target_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         fields["history"] = FlowHistory
     if kind != "opaque":
         fields["labels"] = LabelImages
-    if kind in ("plain", "flow"):
-        fields["lists"] = wp.array(dtype=wp.vec4)  # of view_shape_lists.py; may be empty
+    if kind != "albedo":
+        fields["lists"] = wp.array2d(dtype=wp.vec4)  # (world, row): CameraFrame.lists; may be empty
     if kind == "albedo":
         fields["albedo"] = wp.array(dtype=wp.uint8)  # (world * height * width * 3,) 0 where nothing is hit
         fields["textures"] = Textures

@@ -63,7 +63,7 @@ def bind(planned: PlannedPass[TraceKey], frame: CameraFrame) -> Stage:
             setattr(target.labels, table, tables.labels[role])
     if key.outputs & TraceFlag.OPAQUE:
         target.transparent_index = frame.layers.transparent_index
-    if frame.lists is not None and kind in ("plain", "flow"):
-        target.lists = frame.lists.flatten()
+    if frame.lists is not None and kind != "albedo":
+        target.lists = frame.lists
     arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, frame.views, target]
     return frame.launch(planned, _kernel(key, target_type), arguments)

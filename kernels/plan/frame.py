@@ -20,12 +20,12 @@ from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
-from warpcam.kernels.plan.trace import ListKey, MirrorKey, TraceKey
+from warpcam.kernels.plan.trace import InViewKey, ListKey, MirrorKey, TraceKey
 from warpcam.kernels.plan.words import describe
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
-KernelKey = ListKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
+KernelKey = ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
@@ -68,7 +68,7 @@ class FramePlan:
 
     Attributes:
         lists: Kernel that writes views and lists shapes for the trace; None where views alone are written.
-        list_rows: Rows of four words of such a list, for each world.
+        list_rows: Rows of four words, for each world, of such a list, or of one of the shapes in view.
         buffers: Names and dtypes of the images between the passes that are no outputs.
         visibility: Passes up to those that find what is seen and what lies in shadows.
         shading: The rest; nothing else writes the images of ``late``.
@@ -151,9 +151,12 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     mirrors = tables.layers is not None and tables.layers.has_mirrors and bool(lit)
     mirrors = mirrors and request.lens not in launches.TABLES
     capacity = 0 if transparent else trace.capacity_of(tables, request, device)
+    in_view = trace.chooses_in_view(tables, request, device)
     in_place = bool(smooth) and edges.in_place(tables, request, device)
     buffers = _buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
-    planner = _Planner(tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0)
+    planner = _Planner(
+        tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0, in_view=in_view
+    )
     rest = tuple(name for name in request.outputs if name not in lit)
     if transparent:  # what is seen through is not where the other outputs have it
         sets = [(rest, False), (lit, True)] if rest else [(lit, True)]
@@ -161,9 +164,12 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         last: Passes = ()
     else:
         visibility, last = planner.plan((*lit, *rest), False)
+    if in_view:
+        key = trace.plan_in_view(tables, request, device)
+        visibility = (PlannedPass("shapes in view", key, launches.THREADS), *visibility)
     return FramePlan(
         lists=trace.plan_list(tables, request, device) if capacity else None,
-        list_rows=trace.rows_of(capacity, request.outputs),
+        list_rows=trace.in_view_rows(tables) if in_view else trace.rows_of(capacity, request.outputs),
         buffers=tuple(buffers.items()),
         visibility=visibility,
         shading=last,
@@ -211,7 +217,8 @@ def _buffers(
     """Buffers between the passes, with their dtypes; ``smooth``: outputs that are lit into a buffer first."""
     asked = [OUTPUTS[name] for name in request.outputs]
     derived = [name for name in request.outputs if traced_as(name, tables.shape_types) is None]
-    passes = tables.num_drawn > launches.MAX_LISTED  # they go on from each other's depth and shape
+    # they go on from each other's depth and shape
+    passes = tables.num_drawn > launches.MAX_LISTED or trace.chooses_in_view(tables, request, device)
     needed = passes or tables.splats is not None or bool(derived)
     images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
     if request.lens in launches.TABLES:  # whose trace has the distance where others have depth
@@ -249,6 +256,7 @@ class _Planner:
     buffers: Mapping[str, Any]
     mirrors: bool
     listed: bool
+    in_view: bool
 
     def plan(self, outputs: Sequence[str], opaque: bool) -> tuple[Passes, Passes]:
         """Passes of visibility and of shading; ``opaque``: of what is seen without transparent shapes."""
@@ -307,7 +315,9 @@ class _Planner:
 
     def _trace(self, arrays: Arrays, opaque: bool) -> PlannedPass[Any]:
         roles, flags = [role for role, _ in arrays], shading.traced_albedo_flags(self.tables)
-        launch = self._plan(trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed)
+        launch = self._plan(
+            trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view
+        )
         return self._pass("trace", launch, arrays)
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:

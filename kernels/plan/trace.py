@@ -55,8 +55,15 @@ LISTED_TRACED = ("depth", "segmentation", "distance", "points", "bodies", "norma
 LISTED_OUTPUTS = frozenset((*LISTED_TRACED, "flow", "flow_valid", "rgb", "rgba", "hdr"))
 HEAD_ROWS, RECORD_ROWS, FACING_ROWS = 17, 5, 4  # of a list: native/traversal/view_shape_list.h, FarList
 LANES = 32
+# Where the trace chooses from the shapes in view: from so many on, where rays walk through none of them in images of so
+# many pixels on.
+IN_VIEW_FROM, IN_VIEW_PIXELS = 129, 16 * 64 * 64
+MOST_IN_VIEW = 2**16  # shapes that can be told apart there: native/traversal/shapes_in_view.h, ShapeInView
+IN_VIEW_CAPACITY, IN_VIEW_ANALYTIC_CAPACITY = 64, 128  # shapes of a pass of such a trace
+SORTED = (512, 1024, 2048, 4096)  # shapes that are sorted together
 # pixels of an image whose tiles a record's box can count: native/camera/shape_setup.h
 MOST_COLUMNS, MOST_ROWS = 8 * 127, 4 * 127
+IN_VIEW_BLOCKS = 8
 LIST_BLOCKS, LIST_FLOW_BLOCKS = (
     7,
     5,
@@ -78,6 +85,19 @@ class TraceKey:
     @property
     def blocks(self) -> int:
         return blocks(self.types, self.capacity)
+
+
+@dataclass(frozen=True)
+class InViewKey:
+    """A kernel that lists the shapes in view: traversal/shapes_in_view.h."""
+
+    types: SceneTypes
+    lens: Lens
+    room: int  # shapes that are sorted together
+
+    @property
+    def blocks(self) -> int:
+        return IN_VIEW_BLOCKS
 
 
 @dataclass(frozen=True)
@@ -120,6 +140,7 @@ def plan_trace(
     flags: ShadingFlag,
     opaque: bool = False,
     listed: bool = False,
+    in_view: bool = False,
 ) -> PlannedLaunch[TraceKey]:
     """The kernel of a trace.
 
@@ -132,12 +153,16 @@ def plan_trace(
         flags: Of the scene's looks.
         opaque: Transparent shapes are left out.
         listed: A stage has listed the shapes.
+        in_view: Another pass has listed those in view.
     """
     width, height = request.width, request.height
     most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
     capacity = launches.list_capacity(tables.num_drawn, device, most)
+    if in_view:
+        capacity = IN_VIEW_ANALYTIC_CAPACITY if launches.is_analytic(tables.shape_types) else IN_VIEW_CAPACITY
     region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
+    outputs |= flag_if(TraceFlag.IN_VIEW, in_view)
     if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
     with_albedo = bool(outputs & TraceFlag.TRACE_ALBEDO)
@@ -163,6 +188,25 @@ def plan_trace(
         flags=flags if with_albedo else NO_SHADING_FLAGS,
     )
     return PlannedLaunch(key, threads)
+
+
+def plan_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) -> InViewKey:
+    """The kernel that lists the shapes in view."""
+    room = next((size for size in SORTED if size >= tables.num_drawn + launches.THREADS), SORTED[-1])
+    return InViewKey(launches.scene_types(tables, device), LENSES[request.lens], room)
+
+
+def chooses_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) -> bool:
+    """Return whether a pass lists the shapes in view, nearest first, for the trace to choose from."""
+    large = request.width * request.height >= IN_VIEW_PIXELS or not launches.is_analytic(tables.shape_types)
+    many = IN_VIEW_FROM <= tables.num_drawn <= MOST_IN_VIEW
+    known = request.lens not in launches.TABLES and set(history.OUTPUTS).isdisjoint(request.outputs)
+    return device.is_cuda and many and large and known
+
+
+def in_view_rows(tables: SceneTables) -> int:
+    """Rows of four words of the list of a world: native/traversal/shapes_in_view.h."""
+    return (tables.num_drawn + 2) // 2
 
 
 def plan_mirror(
@@ -247,6 +291,8 @@ def traces_albedo(
     plain = launches.is_analytic(tables.shape_types) and tables.physical is None and tables.splats is None
     moved = tables.world_overrides is not None and tables.world_overrides.texture_offsets.size > 0
     if not (device.is_cuda and plain and request.lens == "pinhole") or moved or tables.num_drawn > launches.MAX_LISTED:
+        return False
+    if chooses_in_view(tables, request, device):
         return False
     tall = tiles_at_once(tables.shape_types, region_size(tables, group.concurrent_worlds, width, height, device))
     return {"flow", "flow_valid"}.isdisjoint(images) and width % 8 == 0 and height % (4 * tall) == 0

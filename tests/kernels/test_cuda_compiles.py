@@ -165,6 +165,15 @@ def test_of_more_casters_with_meshes_than_a_list_holds(card: list[launch.Stage],
     assert _compile([stage for stage in card if stage.module.name.startswith("shadow")], folder) == 1
 
 
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Orthographic(height=2.0)])
+def test_of_traces_that_choose_from_shapes_in_view(lens: Any, card: list[launch.Stage], folder: Path) -> None:
+    more = 200 * '<geom type="mesh" mesh="wedge"/>'
+    outputs = ("depth", "segmentation", "points")
+    _render(scenes.compile_xml(FEW + more, assets=ASSETS), outputs, lens=lens)
+    assert any("shapes_in_view" in stage.module.name for stage in card)
+    assert _compile(card, folder) >= 3
+
+
 @pytest.mark.parametrize(("outputs", "shapes"), [(("rgb",), 1), (("rgb", "rgba"), 1), (("rgb",), 130)])
 def test_of_meshes_smoothed_in_place(
     outputs: tuple[str, ...], shapes: int, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch

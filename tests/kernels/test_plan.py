@@ -232,6 +232,32 @@ def test_passes_and_buffers_follow_from_the_outputs(
     assert written == set(outputs) | {name for name, _ in plan.buffers}
 
 
+@pytest.mark.parametrize(
+    ("of", "request_", "lists"),
+    [
+        (scene(types.MESH, shapes=128), {}, False),
+        (scene(types.MESH, shapes=129), {}, True),
+        (scene(types.MESH, shapes=2**16 + 1), {}, False),
+        (scene(types.MESH, shapes=300), {"lens": "rays"}, False),
+        (scene(types.MESH, shapes=300), {"outputs": ("depth", "flow")}, False),
+        (scene(types.BOX, shapes=300), {}, False),
+        (scene(types.BOX, shapes=300), {"width": 256, "height": 256}, True),
+    ],
+)
+def test_traces_of_many_shapes_choose_from_those_in_view(
+    of: SceneTables, request_: dict[str, Any], lists: bool
+) -> None:
+    asked = ImageRequest(**{"width": 64, "height": 64, "lens": "pinhole", "outputs": ("depth",), **request_})
+    plan = frame.plan_frame(of, asked, CARD)
+    assert ("shapes in view" in [each.name for each in plan.passes]) == lists
+    (key,) = [each.key for each in plan.passes if each.name == "trace"]
+    assert bool(key.outputs & TraceFlag.IN_VIEW) == lists
+    assert not lists or (
+        plan.list_rows == (of.num_drawn + 2) // 2 and key.several and "buffer shape" in dict(plan.buffers)
+    )
+    assert not any(each.name == "shapes in view" for each in frame.plan_frame(of, asked, CPU).passes)
+
+
 def test_smooth_edges_have_a_pass_and_a_buffer_unless_in_place() -> None:
     many, few = planned("rgb", antialiasing=4), planned("rgb", antialiasing=4, of=scene(types.MESH, num_worlds=100))
     assert many.in_place and not few.in_place

@@ -10,7 +10,6 @@ SUFFIXES = (".py", ".h")
 LONGER = {
     "kernels/native/texture/sampler.h",
     "kernels/native/traversal/trace_target.h",
-    "kernels/native/traversal/visibility.h",
 }
 
 

@@ -70,7 +70,7 @@ class ViewArrays:
         plan: Of the images that are drawn of these views.
         parts: Of a pixel of the camera, across and down, that are pixels of these images.
         views: View, (world,).
-        lists: vec4, (world, row): the shapes that the images may show, where a stage lists them; else None.
+        lists: vec4, (world, row): the shapes that the images may show, where a stage or a pass lists them; else None.
         mirrors: Mirror, (world,); empty where no image shows mirrors.
         mirrored: View, (world,), likewise: the views from behind the mirrors.
     """
@@ -108,7 +108,7 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        listed = plan.list_rows > 0
+        listed = plan.lists is not None
         self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
 
     @property

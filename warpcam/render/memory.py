@@ -87,7 +87,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene) for one in by_key.values()),
-        past=history_bytes(by_key, [key for key, plan in plans.items() if plan.list_rows], scene, tables),
+        past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )
 
 

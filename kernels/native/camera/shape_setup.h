@@ -168,10 +168,11 @@ WARPCAM_DEVICE Visible find_form(const Shape& shape, const Meshes& meshes, const
 
 // The rest of its record. Without BOXES it is left open which tiles the shape touches, if any. CORNERS: as many of four
 // are worked out at once, of which each stands for two; with all of them the registers of a trace would be twice as
-// many.
+// many. Tiles may have another size, but for tables of rays.
 template <class Types, int LENS, bool BOXES = true, int CORNERS = 1>
 WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, const Camera& camera, const Region& region,
-                             ShapeRecord& record, TileRect& tiles)
+                             ShapeRecord& record, TileRect& tiles, int tile_width = TILE_WIDTH,
+                             int tile_height = TILE_HEIGHT)
 {
     const LocalBounds& extent = form.extent;
     const Vec3 scale = form.scale;
@@ -190,7 +191,7 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
         }
     }
 
-    const int across = (region.width - 1) / TILE_WIDTH, down = (region.height - 1) / TILE_HEIGHT;
+    const int across = (region.width - 1) / tile_width, down = (region.height - 1) / tile_height;
     tiles = { 0, 0, static_cast<signed char>(across), static_cast<signed char>(down) };
     float nearest = 0.0f;
     if (extent.half.x >= 0.0f) {  // not an endless plane
@@ -246,9 +247,9 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
             }
             const float px = rcp(camera.scale_x), py = rcp(camera.scale_y);
             tile_span(span.left * px + camera.center_x - 0.5f, span.right * px + camera.center_x - 0.5f, region.left,
-                      region.width, TILE_WIDTH, tiles.left, tiles.right);
+                      region.width, tile_width, tiles.left, tiles.right);
             tile_span(camera.center_y - 0.5f - span.high * py, camera.center_y - 0.5f - span.low * py, region.top,
-                      region.height, TILE_HEIGHT, tiles.top, tiles.bottom);
+                      region.height, tile_height, tiles.top, tiles.bottom);
             if (tiles.left > tiles.right || tiles.top > tiles.bottom)
                 return HIDDEN;
         }
@@ -268,11 +269,14 @@ WARPCAM_DEVICE Visible place(const Shape& shape, const BoundsAndScale& form, con
 template <class Types, int LENS, bool BOXES = true, class Meshes, class HeightFields>
 WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Visible setup_shape(const Shape& shape, const Camera& camera, const Region& region,
                                                         const Meshes& meshes, const HeightFields& fields,
-                                                        ShapeRecord& record, TileRect& tiles)
+                                                        ShapeRecord& record, TileRect& tiles,
+                                                        int tile_width = TILE_WIDTH, int tile_height = TILE_HEIGHT)
 {
     BoundsAndScale form;
     const Visible found = find_form<Types>(shape, meshes, fields, form, record);
-    return found == SEEN ? place<Types, LENS, BOXES>(shape, form, camera, region, record, tiles) : found;
+    return found == SEEN ? place<Types, LENS, BOXES>(shape, form, camera, region, record, tiles, tile_width,
+                                                     tile_height)
+                         : found;
 }
 
 }  // namespace warpcam

@@ -49,6 +49,18 @@ WARPCAM_DEVICE int warp_reduce_add(int number)
 #endif
 }
 
+// The greatest of them.
+WARPCAM_DEVICE int warp_reduce_max(int number)
+{
+#if __CUDA_ARCH__ >= 800
+    return __reduce_max_sync(FULL_WARP, number);
+#else
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        number = max(number, __shfl_xor_sync(FULL_WARP, number, step));
+    return number;
+#endif
+}
+
 // The least of them.
 WARPCAM_DEVICE int warp_reduce_min(int number)
 {
@@ -86,6 +98,22 @@ template <int WARP_OR_ONE> WARPCAM_DEVICE void team_barrier()
 }
 
 #if defined(__CUDA_ARCH__)
+// The place of each thread that is `chosen` among those of the block that are, in the threads' order, from `begin` on;
+// makes that the place after the last. `counts`: room for a number of each warp. The block meets.
+WARPCAM_DEVICE int place_among(bool chosen, int& begin, int* counts, int thread)
+{
+    const unsigned votes = __ballot_sync(FULL_WARP, chosen);
+    if (thread % WARP_SIZE == 0)
+        counts[thread / WARP_SIZE] = __popc(votes);
+    block_sync();
+    int place = begin + __popc(votes & ((1u << thread % WARP_SIZE) - 1u));
+    for (int warp = 0; warp < THREADS / WARP_SIZE; ++warp) {
+        place += warp < thread / WARP_SIZE ? counts[warp] : 0;
+        begin += counts[warp];
+    }
+    return place;
+}
+
 // Barriers for some warps of a block, so many threads in all: those that wait, and those that say that they were there.
 enum Barrier { FIRST_WARPS = 1, SHAPES_SORTED, MOTIONS_THERE };
 

@@ -345,9 +345,10 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
             if (total > CAPACITY) {
                 if (begin == 0)
                     survey_region<WIDTH, HEIGHT>(task, target, covers, thread);
-                return covers[0].any ? gather_casters<Types>(list, begin, NearCasters { covers[0] }, shapes, materials,
-                                                             meshes, fields, light, camera, world, thread)
-                                     : total;
+                return covers[0].any
+                           ? gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials,
+                                                         meshes, fields, light, camera, world, thread)
+                           : total;
             }
         }
 #endif

@@ -56,6 +56,8 @@ struct TraceTarget {
         return (OUTPUTS & NO_PARTIAL_TILES) || (i < target.width && j < target.height);
     }
 
+    static constexpr bool FROM_VIEW = THREADS > 1 && (OUTPUTS & IN_VIEW);  // see traversal/shapes_in_view.h
+
     // The number of a pixel, of all worlds': that of the k-th tile below pixel (i, j). In images of known size these
     // are at known distances from one address.
     WARPCAM_DEVICE auto at(int i, int j, int k = 0) const
@@ -168,8 +170,11 @@ struct TraceTarget {
         if constexpr (has_table(LENS))
             if (sees_nothing(ray(i, j)))
                 hit.depth = -1.0f;
-        if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0)
-            hit.depth = next_float(target.depth.data[at(i, j)]);
+        if (!first_pass && inside(i, j) && target.shape.data[at(i, j)] >= 0) {
+            hit.depth = target.depth.data[at(i, j)];
+            if (!(OUTPUTS & IN_VIEW))  // of shapes at one place the later is seen; those in view are in that order
+                hit.depth = next_float(hit.depth);
+        }
         return hit;
     }
 

@@ -3,88 +3,12 @@
 #include "traversal/trace_target.h"
 #include "traversal/enclosing_mesh_cull.h"
 #include "traversal/mesh_closest_hit.h"
-#include "geometry/shape_state.h"
+#include "traversal/list_shapes.h"
 #if !defined(__CUDA_ARCH__)
 #include "traversal/trace_target_simd.h"
-#include "traversal/sphere_cull_simd.h"
 #endif
 
 namespace warpcam {
-
-// Adds the shape at one place among the drawn ones to the list, if the region may show it. HITS_NAME_SLOTS: records
-// name their own slots in place of their shapes, and in place of an asset where these stand among the drawn ones.
-// hidden(id, formless): the shape is left out; a formless one always is, and is a fault of a world that would draw it.
-template <class Types, int LENS, bool HITS_NAME_SLOTS, int CAPACITY, class Shapes, class Meshes, class HeightFields,
-          class Hidden>
-WARPCAM_DEVICE void list_shape(ShapeList<CAPACITY>& list, int place, const Shapes& shapes, const Meshes& meshes,
-                               const HeightFields& fields, const Hidden& hidden, const Camera& camera,
-                               const Region& region, int world)
-{
-    ShapeRecord record;
-    TileRect tiles;
-    const int id = wp::index(shapes.drawn, place);
-    const Visible seen =
-        setup_shape<Types, LENS>(load_shape(shapes, world, id), camera, region, meshes, fields, record, tiles);
-    if (seen == BROKEN)
-        list.broken = 1;
-    if ((seen == SEEN || seen == FORMLESS) && !hidden(id, seen == FORMLESS)) {
-        const int slot = atomic_append(list.count);
-        if (HITS_NAME_SLOTS) {
-            record.axis_y.w = slot;
-            record.axis_z.w = place;
-        }
-        list.records[slot] = record;
-        list.nearest[slot] = record.size.w & 0x7fffffff;
-        list.ids[slot] = id;
-        list.touched[slot] = tiles;
-    }
-}
-
-#if !defined(__CUDA_ARCH__)
-constexpr int FEW_SHAPES = 64;  // that are looked at one by one
-#endif
-
-// Fills the list with shapes from `begin` on until it is full; returns where to go on. ALONE: by one warp.
-template <class Types, int LENS, bool HITS_NAME_SLOTS, bool ALONE, int CAPACITY, class Shapes, class Meshes,
-          class HeightFields, class Hidden>
-WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int build_shape_list(ShapeList<CAPACITY>& list, int begin, const Shapes& shapes,
-                                                         const Meshes& meshes, const HeightFields& fields,
-                                                         const Hidden& hidden, const Camera& camera,
-                                                         const Region& region, int world, int thread)
-{
-    const int total = shapes.drawn.shape[0];
-#if !defined(__CUDA_ARCH__)
-    if constexpr (CAPACITY > FEW_SHAPES) {
-        const RegionCone cone = region_cone<LENS>(camera, region);
-        for (; begin < total && list.count + SIMD_WIDTH <= CAPACITY; begin += SIMD_WIDTH)
-            for (unsigned some = spheres_in<LENS>(load_spheres(shapes, world, begin), camera, region, cone); some;
-                 some &= some - 1)
-                list_shape<Types, LENS, HITS_NAME_SLOTS>(list, begin + ctz(some), shapes, meshes, fields, hidden,
-                                                         camera, region, world);
-        return min(begin, total);
-    }
-#endif
-    while (begin < total) {
-        const int i = begin + thread;
-        begin += THREADS;
-        if (i < total)
-            list_shape<Types, LENS, HITS_NAME_SLOTS>(list, i, shapes, meshes, fields, hidden, camera, region, world);
-        // The next round may overflow the list. One warp never has so many, but the compiler spills less with this than
-        // without.
-        if (total > CAPACITY) {
-            block_sync();
-            const bool full = list.count + min(THREADS, total - begin) > CAPACITY;
-            block_sync();
-            if (full)
-                break;
-        }
-    }
-    if (ALONE)
-        warp_sync();
-    else
-        block_sync();
-    return begin;
-}
 
 #if defined(__CUDA_ARCH__)
 
@@ -275,9 +199,21 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
         return draw_apart<Types, LENS, HITS_NAME_SLOTS>(list, trace_target, shapes, meshes, fields, hidden, world,
                                                         thread, not_drawn);
 #endif
-    const int total = not_drawn ? 0 : shapes.drawn.shape[0];
+    constexpr bool FROM_VIEW = TraceTarget_::FROM_VIEW;
+    int total = not_drawn ? 0 : shapes.drawn.shape[0];
     int begin = 0;
     bool first = true;
+#if defined(__CUDA_ARCH__)
+    [[maybe_unused]] const auto in_view = [&] {
+        if constexpr (FROM_VIEW)
+            return ListInView::of(trace_target.target.lists, trace_target.world);
+        else
+            return 0;
+    }();
+    [[maybe_unused]] float farthest = MISS;
+    if constexpr (FROM_VIEW)
+        total = in_view.count();
+#endif
     do {
         if (MULTIPASS && !first) {
             if (thread == 0) {
@@ -287,7 +223,14 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
             block_sync();
         }
         trace_target.begin(thread);
-        if (!not_drawn)
+#if defined(__CUDA_ARCH__)
+        if constexpr (FROM_VIEW)
+            begin = choose_in_view<Types, LENS, HITS_NAME_SLOTS>(
+                list, begin, in_view, farthest,
+                Cells::of(trace_target.region, trace_target.target.width, trace_target.target.height), shapes, meshes,
+                fields, hidden, trace_target.camera, trace_target.region, world, thread);
+#endif
+        if (!FROM_VIEW && !not_drawn)
             begin = build_shape_list<Types, LENS, HITS_NAME_SLOTS, false>(
                 list, begin, shapes, meshes, fields, hidden, trace_target.camera, trace_target.region, world, thread);
         if (list.broken) {  // nothing of this world can be trusted
@@ -311,6 +254,11 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
         draw_tiles<Types, LENS>(list, trace_target, meshes, fields, !MULTIPASS || first);
         first = false;
         block_sync();
+#if defined(__CUDA_ARCH__)
+        if constexpr (FROM_VIEW)
+            if (begin < total)
+                farthest = deepest(trace_target, list.ids, thread);
+#endif
     } while (MULTIPASS && begin < total);
 }
 
