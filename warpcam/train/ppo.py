@@ -1,6 +1,7 @@
 """PPO of rsl_rl for policies that see images: settings, training, evaluation."""
 
 import contextlib
+import os
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -153,8 +154,9 @@ class Training:
     def _quiet(self) -> Any:
         """Send what rsl_rl prints to its log, or nowhere."""
         with contextlib.ExitStack() as stack:
-            out = None if self._log is None else stack.enter_context(self._log.open("a"))
-            stack.enter_context(contextlib.redirect_stdout(out))
+            # Not to None, which Warp cannot tell of the kernels that it loads.
+            log = Path(os.devnull) if self._log is None else self._log
+            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(log.open("a"))))
             yield
 
 
