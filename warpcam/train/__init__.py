@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from warpcam.train.images import Crop, Grey, ImageOperation, ImageTransform, Normalize, Resize
     from warpcam.train.mujoco_task import MujocoTask
     from warpcam.train.pixel_env import PixelEnv, Step
+    from warpcam.train.quadruped import Quadruped
     from warpcam.train.reach import Reach
     from warpcam.train.recorder import Recorder
     from warpcam.train.rsl_rl import RslRlVecEnv
@@ -27,6 +28,7 @@ _MODULES = {
     "MujocoTask": "mujoco_task",
     "Normalize": "images",
     "PixelEnv": "pixel_env",
+    "Quadruped": "quadruped",
     "Reach": "reach",
     "Recorder": "recorder",
     "Resize": "images",
@@ -46,6 +48,7 @@ __all__ = [
     "MujocoTask",
     "Normalize",
     "PixelEnv",
+    "Quadruped",
     "Reach",
     "Recorder",
     "Resize",

@@ -76,7 +76,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     def __init__(
         self, num_envs: int, *, device: str | None = None, seed: int = 0, max_episode_length: int | None = None
     ) -> None:
-        self.num_envs = num_envs
+        self.num_envs, self.seed = num_envs, seed
         self.max_episode_length = self.length if max_episode_length is None else max_episode_length
         self.single_observation_space = _numbers(self.num_states)
         if self.num_proprioception:
