@@ -17,7 +17,7 @@ pytest.importorskip("rsl_rl", reason="pip install 'warpcam[train]'")
 from gymnasium.vector import AutoresetMode
 
 from warpcam.tools import cli
-from warpcam.train import CartPole
+from warpcam.train import CartPole, SwingUp
 
 
 def test_worlds_move_as_mujoco_has_it(device: wp.Device) -> None:
@@ -66,6 +66,33 @@ def test_episodes_end_by_time_and_begin_where_they_are_told_to(device: wp.Device
     changed = (begun != state).any(dim=1).cpu()
     assert torch.equal(changed, mask)
     assert env.episode_length_buf.tolist() == [4, 0, 4]
+
+
+def test_swing_up_begins_below_and_is_rewarded_above(device: wp.Device) -> None:
+    env = SwingUp(2, device=device.alias)
+    state, _ = env.reset(seed=1)
+    assert bool((state[:, 1].abs() < 0.2).all() and (state[:, 2] < -0.98).all())
+    still = torch.zeros(2, 1)
+    _, below, fallen, *_ = env.step(still)
+    wp.to_torch(env.data.qpos).zero_()
+    wp.to_torch(env.data.qvel).zero_()
+    state, above, *_ = env.step(still)
+    assert bool((state[:, 2] > 0.99).all() and (below < 0.05).all() and (above > 0.95).all()) and not fallen.any()
+
+
+@pytest.mark.usefixtures("one_thread")
+def test_the_command_swings_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    assert SwingUp.length == 400
+    monkeypatch.setattr(SwingUp, "length", 40)
+    command = "train swing-up --worlds 4 --size 16x16 --iterations 1 --device cpu --out"
+    assert cli.main([*command.split(), str(tmp_path)]) == 0
+    told = json.loads((tmp_path / "returns.json").read_text())
+    assert told["most"] == 40.0 and 0.0 < told["random"] < 10.0 and 0.0 < told["trained"] < 40.0
+    assert told["success"] is None and (tmp_path / "video.mp4").stat().st_size > 0
+    assert ", of 40 at most" in capsys.readouterr().out
 
 
 @pytest.fixture

@@ -1,10 +1,18 @@
-"""Processes that learn together: device and seed of each."""
+"""Processes that learn together: device and seed of each, and what they come to."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
+import torch
 
 pytest.importorskip("gymnasium", reason="pip install 'warpcam[train]'")
 
 from warpcam.train.ranks import Rank
+
+HELPERS = Path(__file__).resolve().parents[1] / "helpers"
 
 
 def test_ranks_have_seeds_of_their_own_and_the_first_writes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -15,3 +23,20 @@ def test_ranks_have_seeds_of_their_own_and_the_first_writes(monkeypatch: pytest.
     assert Rank().seed(3) == 3
     assert len({Rank(number, 0, 8).seed(3) for number in range(8)}) == 8
     assert rank.device("cpu") == "cpu"
+
+
+def test_two_processes_learn_the_same_weights_from_different_worlds(tmp_path: Path) -> None:
+    pytest.importorskip("rsl_rl", reason="pip install 'warpcam[train]'")
+    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    program = [str(HELPERS / "fast_compile.py"), str(HELPERS / "learns_together.py"), str(tmp_path)]
+    # Without Mesa, before which triton would have to be imported.
+    environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "OMP_NUM_THREADS": "1", "MUJOCO_GL": "disable"}
+    done = subprocess.run(
+        [sys.executable, *launcher, *program], env=environment, capture_output=True, text=True, timeout=240
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    first, second = (torch.load(tmp_path / f"{number}.pt") for number in range(2))
+    assert not (first["states"] == second["states"]).any()
+    for model in ("actor", "critic"):
+        assert all(map(torch.equal, first["after"][model], second["after"][model])), model
+        assert not any(map(torch.equal, first["after"][model], first["before"][model])), model

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from warpcam.train.images import Crop, Grey, ImageOperation, ImageTransform, Normalize, Resize
     from warpcam.train.mujoco_task import MujocoTask
     from warpcam.train.pixel_env import PixelEnv, Step
+    from warpcam.train.quadruped import Quadruped
+    from warpcam.train.reach import Reach
     from warpcam.train.recorder import Recorder
     from warpcam.train.rsl_rl import RslRlVecEnv
     from warpcam.train.skrl import SkrlEnv
@@ -26,6 +28,8 @@ _MODULES = {
     "MujocoTask": "mujoco_task",
     "Normalize": "images",
     "PixelEnv": "pixel_env",
+    "Quadruped": "quadruped",
+    "Reach": "reach",
     "Recorder": "recorder",
     "Resize": "images",
     "RslRlVecEnv": "rsl_rl",
@@ -44,6 +48,8 @@ __all__ = [
     "MujocoTask",
     "Normalize",
     "PixelEnv",
+    "Quadruped",
+    "Reach",
     "Recorder",
     "Resize",
     "RslRlVecEnv",

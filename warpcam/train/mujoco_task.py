@@ -27,6 +27,8 @@ except ImportError as error:
         f"{error.name} is not installed, and tasks of warpcam.train need it: pip install 'warpcam[train]'"
     ) from error
 
+STATE, PROPRIOCEPTION = "state", "proprioception"  # groups of observations that are no images
+
 
 class MujocoTask(VectorEnv):  # type: ignore[misc]
     """A task in each world. Its step waits for nothing, and can be part of a CUDA graph.
@@ -35,7 +37,9 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     the attributes of the class, and the methods that begin with one underscore. All numbers are tensors on the device,
     (world, ...).
 
-    Observations are states, (world, number), for critics and checks. Actions are from -1 to 1.
+    Observations are states, (world, number), for critics and checks. A task whose policy has numbers beside the image
+    has two groups of them, ``state`` and ``proprioception``. Actions are from -1 to 1. Where a task tells success,
+    ``infos["success"]`` has it, (world,) bool, and ``infos["log"]`` the share of worlds.
 
     Args:
         num_envs: Worlds.
@@ -57,6 +61,9 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     num_actions: ClassVar[int]
     num_starts: ClassVar[int]  # random numbers with which an episode begins
     num_states: ClassVar[int]
+    num_proprioception: ClassVar[int] = 0  # numbers that the policy sees beside the image
+    max_contacts: ClassVar[int | None] = None  # of a world; None is MuJoCo-Warp's guess
+    max_constraints: ClassVar[int | None] = None  # likewise, rows of constraints
     most: ClassVar[float] = 1.0  # reward of a step
     camera: ClassVar[str]  # sees what the policy sees
     view: ClassVar[str]  # sees what is shown in videos
@@ -69,9 +76,12 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
     def __init__(
         self, num_envs: int, *, device: str | None = None, seed: int = 0, max_episode_length: int | None = None
     ) -> None:
-        self.num_envs = num_envs
+        self.num_envs, self.seed = num_envs, seed
         self.max_episode_length = self.length if max_episode_length is None else max_episode_length
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self.num_states,), np.float32)
+        self.single_observation_space = _numbers(self.num_states)
+        if self.num_proprioception:
+            own = {STATE: self.single_observation_space, PROPRIOCEPTION: _numbers(self.num_proprioception)}
+            self.single_observation_space = gymnasium.spaces.Dict(own)
         self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.num_actions,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -79,11 +89,11 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         self._device = resolve(device)
         with wp.ScopedDevice(self._device):
             self.model = mjw.put_model(self.host)
-            self.data = mjw.make_data(self.host, nworld=num_envs)
+            self.data = mjw.make_data(self.host, nworld=num_envs, nconmax=self.max_contacts, njmax=self.max_constraints)
         data = self.data
         # These tensors are the simulator's memory: writing them is writing its state.
-        self._position, self._velocity, self._control, self._warmstart, self._places = map(
-            torch_interop.to_torch, (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.xpos)
+        self._position, self._velocity, self._control, self._warmstart = map(
+            torch_interop.to_torch, (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart)
         )
         self._torch_device = self._position.device
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self._torch_device)
@@ -102,7 +112,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         self._begin(mask, self._starts.draw(mask))
         self.episode_length_buf.masked_fill_(mask, 0)
         self._place()
-        return self._observe(), {}
+        return self._observations(), {}
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Act in all worlds, (world, action)."""
@@ -111,7 +121,10 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         self.simulate()
         self.episode_length_buf += 1
         late = self.episode_length_buf >= self.max_episode_length
-        return self._observe(), self._reward(actions), self._ended(), late, {}
+        success, infos = self._success(), {}
+        if success is not None:
+            infos = {"success": success, "log": {"success": success.float().mean()}}
+        return self._observations(), self._reward(actions), self._ended(), late, infos
 
     def eyes(self, width: int, height: int) -> warpcam.Renderer | Rig:
         """What the policy sees: a renderer of ``output`` of ``camera``, or a rig that measures it."""
@@ -137,13 +150,18 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         return f"{self.camera}_{self.output}"
 
     @property
+    def groups(self) -> tuple[str, ...]:
+        """Groups of observations that the policy sees."""
+        return (self.image, PROPRIOCEPTION) if self.num_proprioception else (self.image,)
+
+    @property
     def transforms(self) -> Mapping[str, ImageTransform]:
         """What becomes of images."""
         return {self.image: ImageTransform(tuple(self.operations), stack=self.stack)}
 
     def pixels(self, width: int, height: int, *, capture: bool = True) -> PixelEnv:
         """Make the batched env of images of which policies learn; ``capture`` as ``PixelEnv`` has it."""
-        return PixelEnv(self, self.eyes(width, height), transforms=self.transforms, state="state", capture=capture)
+        return PixelEnv(self, self.eyes(width, height), transforms=self.transforms, state=STATE, capture=capture)
 
     def _compile(self) -> mujoco.MjModel:
         """Return the model."""
@@ -167,14 +185,31 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         """Worlds whose episodes end before their time is up."""
         return self._none
 
-    def _observe(self) -> Any:
+    def _success(self) -> torch.Tensor | None:
+        """Worlds in which the task is done at this moment, (world,) bool; None where it has no such moment."""
+        return None
+
+    def _observe(self) -> torch.Tensor:
+        """State of the task, (world, ``num_states``)."""
         raise NotImplementedError
 
-    def _set(self, mask: torch.Tensor, position: torch.Tensor, velocity: torch.Tensor | float = 0.0) -> None:
-        """Write states of the worlds of the mask."""
+    def _proprioception(self) -> torch.Tensor:
+        """Numbers that the policy sees beside the image, (world, ``num_proprioception``)."""
+        raise NotImplementedError
+
+    def _observations(self) -> Any:
+        if self.num_proprioception:
+            return {STATE: self._observe(), PROPRIOCEPTION: self._proprioception()}
+        return self._observe()
+
+    def _set(self, mask: torch.Tensor, position: torch.Tensor, velocity: torch.Tensor | None = None) -> None:
+        """Write states of the worlds of the mask. Without velocities, worlds are at rest."""
         here = mask[:, None]
         torch.where(here, position, self._position, out=self._position)
-        torch.where(here, torch.as_tensor(velocity, device=mask.device), self._velocity, out=self._velocity)
+        if velocity is None:
+            self._velocity.masked_fill_(here, 0.0)
+        else:
+            torch.where(here, velocity, self._velocity, out=self._velocity)
         self._warmstart.masked_fill_(here, 0.0)
 
     def simulate(self) -> None:
@@ -189,3 +224,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             mjw.kinematics(self.model, self.data)
             mjw.com_pos(self.model, self.data)
             mjw.camlight(self.model, self.data)
+
+
+def _numbers(count: int) -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-np.inf, np.inf, (count,), np.float32)

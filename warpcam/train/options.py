@@ -7,6 +7,8 @@ ABOUT = "train a policy from pixels with rsl_rl; write TensorBoard logs, checkpo
 TASKS = {
     "cartpole": "balance a pole on a cart",
     "swing-up": "swing it up first",
+    "reach": "bring an arm's tool to a sphere that its wrist camera sees",
+    "quadruped": "follow a speed over hills on four legs",
 }
 CRITICS = ("state", "pixels")
 PROFILED = 10  # iterations of a profile

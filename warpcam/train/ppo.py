@@ -1,8 +1,10 @@
 """PPO of rsl_rl for policies that see images: settings, training, evaluation."""
 
 import contextlib
+import os
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +22,24 @@ except ImportError as error:
         f"{error.name} is not installed, and warpcam.train.ppo needs it: pip install 'warpcam[train]'"
     ) from error
 
+ENCODER: Mapping[str, Any] = {
+    "output_channels": [16, 32],
+    "kernel_size": [5, 3],
+    "stride": [2, 2],
+    "activation": "elu",
+}
 Policy = Callable[[dict[str, torch.Tensor]], torch.Tensor]
 
 
 def settings(
-    actor: Sequence[str], critic: Sequence[str], *, images: bool = False, seed: int = 0, **ppo: Any
+    actor: Sequence[str],
+    critic: Sequence[str],
+    *,
+    images: bool = False,
+    seed: int = 0,
+    encoder: Mapping[str, Any] = ENCODER,
+    hidden: Sequence[int] = (128, 64),
+    **ppo: Any,
 ) -> dict[str, Any]:
     """Settings of a runner of rsl_rl, of a size for images of 32 to 96 pixels.
 
@@ -33,16 +48,13 @@ def settings(
         critic: Groups that the critic sees.
         images: Whether images are among those of the critic.
         seed: Of weights and actions.
+        encoder: Convolutions of each image: ``cnn_cfg`` of rsl_rl.
+        hidden: Widths of the layers behind them.
         ppo: Settings of PPO other than these, and ``num_steps_per_env``.
     """
-    convolutions = {
-        "output_channels": [16, 32],
-        "kernel_size": [5, 3],
-        "stride": [2, 2],
-        "activation": "elu",
-    }
-    model = {"class_name": "CNNModel", "hidden_dims": [128, 64], "activation": "elu", "cnn_cfg": convolutions}
-    plain = {"class_name": "MLPModel", "hidden_dims": [128, 64], "activation": "elu", "obs_normalization": True}
+    layers = {"hidden_dims": list(hidden), "activation": "elu"}
+    model = {"class_name": "CNNModel", **layers, "cnn_cfg": dict(encoder)}
+    plain = {"class_name": "MLPModel", **layers, "obs_normalization": True}
     return {
         "seed": seed,
         "num_steps_per_env": ppo.pop("num_steps_per_env", 16),
@@ -142,8 +154,9 @@ class Training:
     def _quiet(self) -> Any:
         """Send what rsl_rl prints to its log, or nowhere."""
         with contextlib.ExitStack() as stack:
-            out = None if self._log is None else stack.enter_context(self._log.open("a"))
-            stack.enter_context(contextlib.redirect_stdout(out))
+            # Not to None, which Warp cannot tell of the kernels that it loads.
+            log = Path(os.devnull) if self._log is None else self._log
+            stack.enter_context(contextlib.redirect_stdout(stack.enter_context(log.open("a"))))
             yield
 
 
@@ -162,10 +175,24 @@ def random_policy(env: PixelEnv, seed: int = 0) -> Policy:
     return act
 
 
-def mean_return(
+@dataclass(frozen=True)
+class Evaluation:
+    """What a policy came to.
+
+    Attributes:
+        mean_return: Mean over the worlds of the rewards of their first episode, or of its first steps.
+        success: Share of the worlds in which the task was done in the last of these steps; None where the env does not
+            tell it in ``infos["success"]``.
+    """
+
+    mean_return: float
+    success: float | None
+
+
+def evaluate(
     env: PixelEnv, policy: Policy, steps: int, seed: int = 0, after: Callable[[], None] | None = None
-) -> float:
-    """Mean over the worlds of the rewards of their first episode, or of its first steps.
+) -> Evaluation:
+    """Act in the first episode of each world.
 
     Args:
         env: Where to act.
@@ -177,11 +204,15 @@ def mean_return(
     observations = env.reset(seed=seed)
     returns = torch.zeros(env.num_envs, device=env.device)
     running = torch.ones(env.num_envs, dtype=torch.bool, device=env.device)
+    done = None
     for _ in range(steps):
         if after is not None:
             after()
         step = env.step(policy(observations))
         returns += step.rewards * running
+        if "success" in step.infos:
+            now = step.infos["success"]
+            done = now.clone() if done is None else torch.where(running, now, done)
         running &= ~step.ended
         observations = step.observations
-    return returns.mean().item()
+    return Evaluation(returns.mean().item(), None if done is None else done.float().mean().item())

@@ -73,7 +73,9 @@ class RslRlVecEnv(VecEnv):  # type: ignore[misc]
         step = self.env.step(actions)
         if self._told:
             self._ages.add_(1).mul_(~step.ended)
-        extras = {"time_outs": step.truncated & ~step.terminated, "log": step.infos.get("log", {})}
+        # Loggers keep what later steps overwrite.
+        log = {key: torch.as_tensor(value).clone() for key, value in step.infos.get("log", {}).items()}
+        extras = {"time_outs": step.truncated & ~step.terminated, "log": log}
         return self._grouped(step.observations), step.rewards, step.ended.long(), extras
 
     def _grouped(self, observations: dict[str, torch.Tensor]) -> TensorDict:

@@ -19,7 +19,7 @@ from warpcam.train.ranks import Rank
 if TYPE_CHECKING:
     from warpcam.train.mujoco_task import MujocoTask
     from warpcam.train.pixel_env import PixelEnv
-    from warpcam.train.ppo import Policy
+    from warpcam.train.ppo import Evaluation, Policy
 
 SHOWN = 16  # worlds of the video
 PICTURE = 128, 96  # of each of them [pixels]
@@ -32,6 +32,7 @@ def run(options: argparse.Namespace) -> int:
     evaluates, prints and writes.
     """
     from warpcam.train import ppo
+    from warpcam.train.mujoco_task import STATE
     from warpcam.train.tasks import TASKS
 
     width, height = _checked(options)
@@ -41,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     task = kind(options.worlds, device=rank.device(options.device), seed=rank.seed(options.seed))
     from_pixels = options.critic == "pixels"
     config = ppo.settings(
-        [task.image], [task.image if from_pixels else "state"], images=from_pixels, seed=options.seed, **kind.ppo
+        task.groups, task.groups if from_pixels else [STATE], images=from_pixels, seed=options.seed, **kind.ppo
     )
     told_of: dict[str, Any] = {
         "task": options.task,
@@ -59,21 +60,22 @@ def run(options: argparse.Namespace) -> int:
     steps = rank.count * options.worlds * config["num_steps_per_env"]
     longest = task.max_episode_length
     if rank.writes:
-        at_random = ppo.mean_return(pixels, ppo.random_policy(pixels, options.seed), longest, options.seed)
-        print(f"mean return of random actions: {at_random:.1f}", flush=True)
+        at_random = ppo.evaluate(pixels, ppo.random_policy(pixels, options.seed), longest, options.seed)
+        print(f"mean return of random actions: {_told(at_random)}", flush=True)
     curve, seconds, policy = _learn(pixels, config, iterations, steps, options, rank)
     if rank.writes:
         trained = _evaluate(task, pixels, policy, options)
         told_of |= {
-            "random": at_random,
-            "trained": trained,
+            "random": at_random.mean_return,
+            "trained": trained.mean_return,
+            "success": trained.success,
             "most": task.best,
             "seconds": round(seconds, 2),
             "steps_per_second": round(iterations * steps / seconds, 1),
             "curve": curve,
         }
         (options.out / "returns.json").write_text(json.dumps(told_of, indent=1) + "\n")
-        print(f"mean return of the policy: {trained:.1f}, of {task.best:g} at most")
+        print(f"mean return of the policy: {_told(trained)}, of {task.best:g} at most")
         print(f"{iterations * steps:,} steps in {seconds:.1f} s: {iterations * steps / seconds:,.0f} steps/s")
         for name in ("returns.json", "video.mp4"):
             print(options.out / name)
@@ -106,8 +108,8 @@ def _learn(
     return curve, time.perf_counter() - begun, training.policy()
 
 
-def _evaluate(task: "MujocoTask", pixels: "PixelEnv", policy: "Policy", options: argparse.Namespace) -> float:
-    """Mean return of the policy, whose first worlds are recorded."""
+def _evaluate(task: "MujocoTask", pixels: "PixelEnv", policy: "Policy", options: argparse.Namespace) -> "Evaluation":
+    """Evaluate the policy, and record its first worlds."""
     from warpcam.train import ppo
     from warpcam.train.recorder import Recorder
 
@@ -120,7 +122,12 @@ def _evaluate(task: "MujocoTask", pixels: "PixelEnv", policy: "Policy", options:
         def look() -> None:
             recorder.add(large.render(worlds=list(shown))[task.view]["rgb"])
 
-        return ppo.mean_return(pixels, policy, longest, options.seed + 1, after=look)
+        return ppo.evaluate(pixels, policy, longest, options.seed + 1, after=look)
+
+
+def _told(found: "Evaluation") -> str:
+    success = "" if found.success is None else f" (success in {100.0 * found.success:.0f} % of worlds)"
+    return f"{found.mean_return:.1f}{success}"
 
 
 def _profile(

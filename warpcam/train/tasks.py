@@ -4,5 +4,12 @@ from collections.abc import Mapping
 
 from warpcam.train.cartpole import CartPole, SwingUp
 from warpcam.train.mujoco_task import MujocoTask
+from warpcam.train.quadruped import Quadruped
+from warpcam.train.reach import Reach
 
-TASKS: Mapping[str, type[MujocoTask]] = {"cartpole": CartPole, "swing-up": SwingUp}
+TASKS: Mapping[str, type[MujocoTask]] = {
+    "cartpole": CartPole,
+    "swing-up": SwingUp,
+    "reach": Reach,
+    "quadruped": Quadruped,
+}

@@ -89,7 +89,7 @@ def rolled(env: Any, steps: int = 2) -> list[Any]:
     for number in range(steps):
         state = step(state, jnp.full((WORLDS, env.action_size), 0.5 - number))
         seen.append(state.obs)
-    return seen
+    return jax.block_until_ready(seen)  # else MJX draws on after the environment and its context are gone
 
 
 def test_cartpole_sees_what_it_sees_with_mjx() -> None:

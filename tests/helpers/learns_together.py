@@ -1,0 +1,28 @@
+"""One process of ``torchrun``: learns a little with the others, and saves what it has come to in a folder."""
+
+import sys
+from pathlib import Path
+
+import torch
+
+from warpcam.train import CartPole, RslRlVecEnv, ppo
+from warpcam.train.ranks import Rank
+
+
+def main(folder: Path) -> None:
+    rank = Rank.here()
+    torch.set_num_threads(1)
+    task = CartPole(4, device=rank.device("cpu"), seed=rank.seed(3))
+    pixels = task.pixels(16, 16)
+    states = pixels.reset()["state"].clone()
+    training = ppo.Training(RslRlVecEnv(pixels), ppo.settings(task.groups, ["state"], num_steps_per_env=4, seed=3))
+    algorithm = training.runner.alg
+    models = {"actor": algorithm.actor, "critic": algorithm.critic}
+    before = {name: [one.clone() for one in model.parameters()] for name, model in models.items()}
+    training.learn(2)
+    after = {name: [one.detach() for one in model.parameters()] for name, model in models.items()}
+    torch.save({"states": states, "before": before, "after": after}, folder / f"{rank.number}.pt")
+    rank.close()
+
+
+main(Path(sys.argv[1]))
