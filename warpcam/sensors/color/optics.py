@@ -6,9 +6,11 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage
+from warpcam.core.shared_memory import shared
+from warpcam.kernels.runtime.indices import strips_of
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.neighborhoods import MAX_SIGMA, blur_lines, sharpen, shift_channels
+from warpcam.sensors.kernels.neighborhoods import MAX_SIGMA, blur_columns, blur_rows, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
 
 
@@ -29,8 +31,8 @@ class NaturalVignetting(Effect):
     needs_pinhole = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.views, frame.params.strength, frame.width, frame.source, frame.target]
-        return [frame.per_pixel(darken_naturally, inputs)]
+        inputs = [frame.mask, frame.size, frame.views, frame.params.strength, frame.source, frame.target]
+        return [frame.per_strip(darken_naturally, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +53,9 @@ class Vignetting(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size = [frame.width, frame.height]
         parameters = [frame.params.coefficients, frame.params.center]
-        inputs = [frame.mask, *parameters, *size, frame.source, frame.target]
-        return [frame.per_pixel(darken_by_radius, inputs)]
+        inputs = [frame.mask, frame.size, *parameters, frame.source, frame.target]
+        return [frame.per_strip(darken_by_radius, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +77,8 @@ class ChromaticAberration(Effect):
     in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size = [frame.width, frame.height]
-        inputs = [frame.mask, frame.params.red, frame.params.blue, *size, frame.source, frame.target]
-        return [frame.per_pixel(shift_channels, inputs)]
+        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.target]
+        return [frame.per_strip(shift_channels, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +94,12 @@ class Blur(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        rows, stage = bind_rows(frame)
-        inputs = [frame.mask, frame.params.sigma, frame.width, 1, rows, frame.target]
-        return [stage, frame.per_pixel(blur_lines, inputs)]
+        size, (source, rows, target) = numbers_of(frame)
+        sigma = frame.params.sigma
+        return [
+            per_strip_of_numbers(frame, blur_rows, [frame.mask, size, sigma, source, rows]),
+            per_strip_of_numbers(frame, blur_columns, [frame.mask, size, sigma, rows, target]),
+        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,14 +117,21 @@ class Sharpening(Effect):
     kind = "display"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        rows, stage = bind_rows(frame)
-        parameters = [frame.params.amount, frame.params.sigma]
-        inputs = [frame.mask, *parameters, frame.width, rows, frame.source, frame.target]
-        return [stage, frame.per_pixel(sharpen, inputs)]
+        size, (source, rows, target) = numbers_of(frame)
+        amount, sigma = frame.params.amount, frame.params.sigma
+        return [
+            per_strip_of_numbers(frame, blur_rows, [frame.mask, size, sigma, source, rows]),
+            per_strip_of_numbers(frame, sharpen, [frame.mask, size, amount, sigma, rows, source, target]),
+        ]
 
 
-def bind_rows(frame: EffectFrame) -> tuple[wp.array, Stage]:
-    """An image blurred along its rows, and the stage that writes it; its columns are left to a second stage."""
-    rows = wp.empty_like(frame.source)
-    inputs = [frame.mask, frame.params.sigma, frame.width, 0, frame.source, rows]
-    return rows, frame.per_pixel(blur_lines, inputs)
+def numbers_of(frame: EffectFrame) -> tuple[wp.vec2i, list[wp.array]]:
+    """Source, an image between and target of a frame as numbers, (world, 3 pixel), and the numbers across and down."""
+    shape = (len(frame.worlds), 3 * frame.width * frame.height)
+    images = [frame.source, wp.empty_like(frame.source), frame.target]
+    return wp.vec2i(3 * frame.width, frame.height), [shared(image, shape, wp.float32) for image in images]
+
+
+def per_strip_of_numbers(frame: EffectFrame, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
+    """Bind a kernel with a thread for each strip of numbers of each world."""
+    return bind_launch(kernel, len(frame.worlds) * strips_of(3 * frame.width, frame.height), inputs, frame.device)

@@ -3,94 +3,148 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
 
 wp.set_module_options(compiler_flags())
 
 MAX_SIGMA = 10.0  # of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read
 
 
+@wp.struct
+class Gaussian:
+    """Weights of a Gaussian, of which the middle has 1, out to three standard deviations."""
+
+    radius: wp.int32  # [pixels]
+    ratio: wp.float32  # weight of the next pixel, whose weight is ratio^(1^2), and then ratio^(2^2), ...
+
+
 @wp.func
-def blurred(
-    image: wp.array2d(dtype=wp.vec3),
-    world: wp.int32,
-    begin: wp.int32,
-    step: wp.int32,
-    count: wp.int32,
-    place: wp.int32,
-    sigma: wp.float32,
-) -> wp.vec3:
-    """Mean along a line of pixels, weighted by a Gaussian out to three standard deviations.
+def gaussian_of(sigma: wp.float32) -> Gaussian:
+    """The Gaussian of a standard deviation [pixels]; more than MAX_SIGMA counts as that, and NaN as 0."""
+    result = Gaussian()
+    if sigma > 0.0:
+        spread = wp.min(sigma, wp.static(MAX_SIGMA))
+        result.radius = wp.int32(wp.ceil(3.0 * spread))
+        result.ratio = wp.exp(-0.5 / (spread * spread))
+    return result
 
-    Beyond its ends the line goes on as the pixels there.
 
-    Args:
-        image: (world, pixel).
-        world: Which.
-        begin: First pixel of the line.
-        step: From a pixel of the line to the next.
-        count: Pixels of the line.
-        place: Number of the pixel in the line.
-        sigma: Standard deviation [pixels]; more than MAX_SIGMA counts as that, and NaN as 0.
+@wp.kernel(enable_backward=False, grid_stride=False)
+def blur_rows(
+    mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
+    sigma: wp.array(dtype=wp.float32),
+    source: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
+    first: wp.int32,
+):
+    """Means along the rows of an image, weighted by a Gaussian; beyond its ends a row goes on as the pixels there.
+
+    Threads have strips of numbers, three times as many as pixels, as all channels are treated alike and what threads
+    read together is next to each other. ``size`` counts numbers across.
     """
-    total = image[world, begin + place * step]
-    if not sigma > 0.0:
-        return total
-    spread = wp.min(sigma, wp.static(MAX_SIGMA))
-    ratio = wp.exp(-0.5 / (spread * spread))
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    gaussian = gaussian_of(sigma[world])
+    leftmost = column % 3
+    rightmost = size[0] - 3 + leftmost
+    starts = wp.vec4i()
+    totals = strip_vector()
+    for k in range(STRIP):
+        starts[k] = wp.min(top + k, bottom - 1) * size[0]
+        totals[k] = source[world, starts[k] + column]
+    ratio = gaussian.ratio
     growth = ratio * ratio
     weight = wp.float32(1.0)
     weights = wp.float32(1.0)
-    for distance in range(1, wp.int32(wp.ceil(3.0 * spread)) + 1):
+    for distance in range(1, gaussian.radius + 1):
         weight *= ratio  # ratio^(distance^2), whose exponent grows by 1, 3, 5, ...
         ratio *= growth
-        before = image[world, begin + wp.max(place - distance, 0) * step]
-        after = image[world, begin + wp.min(place + distance, count - 1) * step]
-        total += weight * (before + after)
+        before = wp.max(column - 3 * distance, leftmost)
+        after = wp.min(column + 3 * distance, rightmost)
+        for k in range(STRIP):
+            totals[k] += weight * (source[world, starts[k] + before] + source[world, starts[k] + after])
         weights += 2.0 * weight
-    return total / weights
+    for k in range(STRIP):
+        if top + k < bottom:
+            target[world, starts[k] + column] = totals[k] / weights
 
 
-@wp.kernel(enable_backward=False)
-def blur_lines(
+@wp.func
+def blurred_column(
+    rows: wp.array2d(dtype=wp.float32),
+    world: wp.int32,
+    column: wp.int32,
+    top: wp.int32,
+    size: wp.vec2i,
+    sigma: wp.float32,
+) -> strip_vector:
+    """Means along a column for the rows of a strip, likewise; a row is read once for all of them."""
+    gaussian = gaussian_of(sigma)
+    before = strip_vector()
+    for k in range(STRIP):
+        before[k] = rows[world, wp.min(top + k, size[1] - 1) * size[0] + column]
+    after = strip_vector(before)
+    totals = strip_vector(before)
+    ratio = gaussian.ratio
+    growth = ratio * ratio
+    weight = wp.float32(1.0)
+    weights = wp.float32(1.0)
+    for distance in range(1, gaussian.radius + 1):
+        weight *= ratio
+        ratio *= growth
+        for k in range(STRIP - 1):
+            before[STRIP - 1 - k] = before[STRIP - 2 - k]
+            after[k] = after[k + 1]
+        before[0] = rows[world, wp.max(top - distance, 0) * size[0] + column]
+        after[STRIP - 1] = rows[world, wp.min(top + STRIP - 1 + distance, size[1] - 1) * size[0] + column]
+        totals += weight * (before + after)
+        weights += 2.0 * weight
+    return totals / weights
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def blur_columns(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     sigma: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    is_down: wp.int32,
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    rows: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    """Blur along the rows of an image, or down its columns."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    """Blur down the columns of an image of blurred rows."""
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, width)
-    if is_down != 0:
-        target[world, pixel] = blurred(source, world, column, width, source.shape[1] // width, row, sigma[world])
-    else:
-        target[world, pixel] = blurred(source, world, row * width, 1, width, column, sigma[world])
+    means = blurred_column(rows, world, column, top, size, sigma[world])
+    for k in range(STRIP):
+        if top + k < bottom:
+            target[world, (top + k) * size[0] + column] = means[k]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def sharpen(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     amount: wp.array(dtype=wp.float32),
     sigma: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    rows: wp.array2d(dtype=wp.vec3),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    rows: wp.array2d(dtype=wp.float32),
+    source: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    """Add what a blur takes; ``rows`` is the image blurred along its rows."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    """Add what a blur takes; ``rows`` is the image with blurred rows."""
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, width)
-    value = source[world, pixel]
-    detail = value - blurred(rows, world, column, width, source.shape[1] // width, row, sigma[world])
-    target[world, pixel] = value + amount[world] * detail
+    means = blurred_column(rows, world, column, top, size, sigma[world])
+    gain = amount[world]
+    for k in range(STRIP):
+        if top + k < bottom:
+            place = (top + k) * size[0] + column
+            value = source[world, place]
+            target[world, place] = value + gain * (value - means[k])
 
 
 @wp.func
@@ -117,27 +171,30 @@ def sample(
     return wp.lerp(above, under, below)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shift_channels(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     red: wp.array(dtype=wp.float32),
     blue: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    height: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
     """Red and blue magnified about the middle of the image."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, width)
-    middle = wp.vec2(0.5 * wp.float32(width - 1), 0.5 * wp.float32(height - 1))
-    away = wp.vec2(wp.float32(column), wp.float32(row)) - middle
-    of_red = middle + away / red[world]
-    of_blue = middle + away / blue[world]
-    value = source[world, pixel]
-    value[0] = sample(source, world, of_red[0], of_red[1], width, height)[0]
-    value[2] = sample(source, world, of_blue[0], of_blue[1], width, height)[2]
-    target[world, pixel] = value
+    middle = wp.vec2(0.5 * wp.float32(size[0] - 1), 0.5 * wp.float32(size[1] - 1))
+    of_red = red[world]
+    of_blue = blue[world]
+    away = wp.float32(column) - middle[0]
+    x_of_red = middle[0] + away / of_red
+    x_of_blue = middle[0] + away / of_blue
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        below = wp.float32(row) - middle[1]
+        value = source[world, pixel]
+        value[0] = sample(source, world, x_of_red, middle[1] + below / of_red, size[0], size[1])[0]
+        value[2] = sample(source, world, x_of_blue, middle[1] + below / of_blue, size[0], size[1])[2]
+        target[world, pixel] = value
