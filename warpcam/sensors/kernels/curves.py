@@ -1,10 +1,11 @@
-"""Powers of light, quick on a GPU, and the curves of sRGB as tables."""
+"""The curves of sRGB, quick on a GPU, and as tables between bytes and linear light."""
 
 import warp as wp
 
 from warpcam.core.color import decode_srgb, encode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.launch import bind_launch
+from warpcam.sensors.kernels.arithmetic import power
 
 wp.set_module_options(compiler_flags())
 
@@ -13,18 +14,6 @@ wp.set_module_options(compiler_flags())
 LEAST = wp.constant(2.0**-13)
 FIRST_ENTRY = wp.constant(0x3900)  # upper bits of LEAST
 BYTE_ENTRIES = 0x3F80 - 0x3900 + 1
-
-
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-return __powf(base, exponent);
-#else
-return wp::pow(base, exponent);
-#endif
-""")
-def power(base: wp.float32, exponent: wp.float32) -> wp.float32:
-    """``base ** exponent`` of a base of at least 0 and an exponent above 0, on CUDA to a few millionths of it."""
-    ...
 
 
 @wp.func

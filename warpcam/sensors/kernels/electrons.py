@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.arithmetic import inverse_root, quotient
 from warpcam.sensors.kernels.random import Randomness, frame_state, three_normals, two_normals
 from warpcam.sensors.kernels.tone import greatest_number
 
@@ -38,8 +39,8 @@ def many_electrons(mean: wp.float32, normal: wp.float32) -> wp.float32:
     The expansion of the inverse distribution function to 1 / mean: Giles, "Algorithm 955: approximation of the inverse
     Poisson cumulative distribution function", ACM TOMS 42(1), 2016.
     """
-    root = wp.sqrt(mean)
-    inverse = 1.0 / root
+    inverse = inverse_root(mean)
+    root = mean * inverse
     square = normal * normal
     correction = (2.0 + square) * (1.0 / 6.0 - (1.0 / 72.0) * normal * inverse)
     small = ((square * (1.0 / 270.0) + 7.0 / 810.0) * square - 8.0 / 405.0) * inverse * inverse
@@ -60,7 +61,7 @@ def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
     while more:
         more = wp.bool(False)
         step = count + 1.0
-        share = 1.0 / step
+        share = quotient(1.0, step)
         for k in range(3):
             if uniforms[k] >= passed[k] and (count < means[k] or probabilities[k] > LEAST_PROBABILITY):
                 more = wp.bool(True)
@@ -74,11 +75,13 @@ def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
 @wp.func
 def electrons_of(means: wp.vec3, uniforms: wp.vec3, normals: wp.vec3) -> wp.vec3:
     """Numbers of Poisson's distribution with those means: of many electrons by ``normals``, of few by ``uniforms``."""
-    chances = wp.vec3(uniforms[0], uniforms[1], uniforms[2])
-    for k in range(3):
-        if means[k] >= APPROXIMATE_FROM:
-            chances[k] = -1.0  # ends the count at once
-    counts = few_electrons(means, chances)
+    counts = wp.vec3()
+    if wp.min(means) < APPROXIMATE_FROM:
+        chances = wp.vec3(uniforms[0], uniforms[1], uniforms[2])
+        for k in range(3):
+            if means[k] >= APPROXIMATE_FROM:
+                chances[k] = -1.0  # ends the count at once
+        counts = few_electrons(means, chances)
     for k in range(3):
         if means[k] >= APPROXIMATE_FROM:
             counts[k] = many_electrons(means[k], normals[k])
@@ -106,7 +109,10 @@ def count_electrons(
         uniforms = wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state))
         light = source[world, pixel]
         means = scale * wp.vec3(wp.max(light[0], 0.0), wp.max(light[1], 0.0), wp.max(light[2], 0.0))
-        target[world, pixel] = electrons_of(means, uniforms, normals) / scale
+        electrons = electrons_of(means, uniforms, normals)
+        target[world, pixel] = wp.vec3(
+            quotient(electrons[0], scale), quotient(electrons[1], scale), quotient(electrons[2], scale)
+        )
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -170,5 +176,5 @@ def measure_linearly(
         electrons = electrons_of(means, uniforms, normals)
         for k in range(3):
             number = wp.floor(gain * (wp.min(electrons[k], full_well) + noise[k]) + black + 0.5)
-            light[k] = (wp.clamp(number, 0.0, highest) - black) / white
+            light[k] = quotient(wp.clamp(number, 0.0, highest) - black, white)
         target[world, pixel] = light

@@ -46,8 +46,8 @@ def element_state(randomness: Randomness, world: wp.int32, element: wp.int32) ->
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-const float radius = sqrtf(fmaxf(-2.0f * __logf(1.0f - first), 0.0f));
-float sine, cosine;
+float radius, sine, cosine;
+asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(radius) : "f"(fmaxf(-2.0f * __logf(1.0f - first), 0.0f)));
 __sincosf(6.2831853f * second, &sine, &cosine);
 #else
 const float radius = wp::sqrt(-2.0f * wp::log(1.0f - first)), angle = 6.2831853f * second;

@@ -4,7 +4,8 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
-from warpcam.sensors.kernels.curves import encode, power
+from warpcam.sensors.kernels.arithmetic import power, quotient
+from warpcam.sensors.kernels.curves import encode
 
 wp.set_module_options(compiler_flags())
 
@@ -40,9 +41,9 @@ def response(light: wp.float32, shape: wp.vec4, height: wp.float32) -> wp.float3
     """Two powers that meet at the centre, at that height, to the power of gamma."""
     bounded = wp.clamp(light, 0.0, 1.0)
     toe, shoulder, gamma, center = shape[0], shape[1], shape[2], shape[3]
-    value = height * power(bounded / center, toe)
+    value = height * power(quotient(bounded, center), toe)
     if bounded > center:
-        value = 1.0 - (1.0 - height) * power((1.0 - bounded) / (1.0 - center), shoulder)
+        value = 1.0 - (1.0 - height) * power(quotient(1.0 - bounded, 1.0 - center), shoulder)
     return power(wp.max(value, 0.0), gamma)
 
 
@@ -175,5 +176,5 @@ def quantize(
         pixel = row * size[0] + column
         value = source[world, pixel]
         for k in range(3):
-            value[k] = wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5) / highest
+            value[k] = quotient(wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5), highest)
         target[world, pixel] = value

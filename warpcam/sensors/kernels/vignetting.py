@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
+from warpcam.sensors.kernels.arithmetic import quotient
 
 wp.set_module_options(compiler_flags())
 
@@ -13,7 +14,7 @@ wp.set_module_options(compiler_flags())
 def around_middle(index: wp.int32, count: wp.int32, size: wp.vec2i) -> wp.float32:
     """Place of the middle of a row, or a column, of so many from the middle of the image; the longer side is 1."""
     longer = wp.float32(wp.max(size[0], size[1]))
-    return (wp.float32(index) + 0.5 - 0.5 * wp.float32(count)) / longer
+    return quotient(wp.float32(index) + 0.5 - 0.5 * wp.float32(count), longer)
 
 
 @wp.func
@@ -41,7 +42,7 @@ def darken_naturally(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         y = (wp.float32(row) + 0.5 - view.center[1]) * view.scale[1]
-        squared_cosine = 1.0 / (1.0 + x * x + y * y)
+        squared_cosine = quotient(1.0, 1.0 + x * x + y * y)
         factor = 1.0 + amount * (squared_cosine * squared_cosine - 1.0)
         target[world, pixel] = factor * source[world, pixel]
 
