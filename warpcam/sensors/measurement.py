@@ -210,17 +210,20 @@ class Measurement:
             steps.append(Step(source, True, self._bind_curve(kernels.decode_light, [])))
         for number in colors:
             effect = self._effects[number]
-            if effect.kind == "display" and self._ends_linear:
+            is_linear = self._ends_linear
+            if effect.kind == "display" and is_linear and not effect.takes_light:
                 steps.append(Step(source, True, self._bind_curve(apply_srgb, [])))
+                is_linear = False
             self._ends_linear &= effect.kind == "linear" and not effect.encodes
-            steps.append(self._step(number, source))
+            steps.append(self._step(number, source, is_linear))
         return steps
 
-    def _step(self, number: int, source: str) -> Step:
+    def _step(self, number: int, source: str, is_linear: bool = False) -> Step:
         effect = self._effects[number]
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
-            return effect.bind(self._frame(number, source, target, truth, worlds, mask))
+            frame = self._frame(number, source, target, truth, worlds, mask)
+            return effect.bind(dataclasses.replace(frame, is_linear=is_linear))
 
         return Step(source, effect.in_place, bind)
 

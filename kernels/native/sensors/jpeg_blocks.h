@@ -114,17 +114,32 @@ WARPCAM_DEVICE void code_block(JpegBlock& block, const float* steps, int first_c
     transpose(block);
 }
 
-// Luma and both chromas as bytes (JFIF, ITU-R BT.601).
-template <class Color> WARPCAM_DEVICE Vec3 jpeg_color(const Color& color)
+// Byte of linear light, cut off at black and white: see encode_byte in warpcam/sensors/kernels/curves.py.
+WARPCAM_DEVICE float encoded_byte(const int* bytes_of_light, float light)
+{
+    const int bits = as_int(min(max(light, 1.0f / 8192.0f), 1.0f));
+    return float((bytes_of_light[(bits >> 16) - 0x3900] + (bits & 0xffff)) >> 16);
+}
+
+// Bytes of red, green and blue.
+template <class Image, class Color> WARPCAM_DEVICE Vec3 color_bytes(const Image& image, const Color& color)
+{
+    if (image.is_linear) {
+        const int* bytes = image.bytes_of_light.data;
+        return { encoded_byte(bytes, color[0]), encoded_byte(bytes, color[1]), encoded_byte(bytes, color[2]) };
+    }
+    return { jpeg_byte(255.0f * color[0]), jpeg_byte(255.0f * color[1]), jpeg_byte(255.0f * color[2]) };
+}
+
+// Luma and both chromas as bytes (JFIF, ITU-R BT.601) of bytes.
+WARPCAM_DEVICE Vec3 jpeg_color(Vec3 rgb)
 {
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
 #endif
-    const float red = jpeg_byte(255.0f * color[0]), green = jpeg_byte(255.0f * color[1]);
-    const float blue = jpeg_byte(255.0f * color[2]);
-    return { jpeg_byte(0.299f * red + 0.587f * green + 0.114f * blue),
-             jpeg_byte(0.5f * blue - 0.168736f * red - 0.331264f * green + 128.0f),
-             jpeg_byte(0.5f * red - 0.418688f * green - 0.081312f * blue + 128.0f) };
+    return { jpeg_byte(0.299f * rgb.x + 0.587f * rgb.y + 0.114f * rgb.z),
+             jpeg_byte(0.5f * rgb.z - 0.168736f * rgb.x - 0.331264f * rgb.y + 128.0f),
+             jpeg_byte(0.5f * rgb.x - 0.418688f * rgb.y - 0.081312f * rgb.z + 128.0f) };
 }
 
 // Codes a block of chroma of an image that is SCALE times smaller, and writes the luma that is in front of it.
@@ -149,7 +164,8 @@ WARPCAM_DEVICE void code_jpeg_chroma(const Mask& mask, const Image& image, const
 #pragma unroll
             for (int pixel = 0; pixel < SCALE * SCALE; ++pixel) {
                 const int x = left + pixel % SCALE, y = top + pixel / SCALE;
-                const Vec3 color = jpeg_color(colors[min(y, height - 1) * width + min(x, width - 1)]);
+                const auto& shown = colors[min(y, height - 1) * width + min(x, width - 1)];
+                const Vec3 color = jpeg_color(color_bytes(image, shown));
                 blue += color.y;
                 red += color.z;
                 if (x < width && y < height)

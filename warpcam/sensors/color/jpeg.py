@@ -10,6 +10,7 @@ import warp as wp
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.kernels.curves import byte_table
 from warpcam.sensors.kernels.jpeg import LANES, CodedImage, code_chroma, code_luma, find_steps
 
 Subsampling = Literal["4:4:4", "4:2:0"]
@@ -50,6 +51,7 @@ class JpegArtifacts(Effect):
     subsampling: Subsampling = "4:2:0"
 
     kind = "display"
+    takes_light = True
 
     def check(self, where: str) -> None:
         if self.subsampling not in get_args(Subsampling):
@@ -65,6 +67,8 @@ class JpegArtifacts(Effect):
         image.luma_across, image.luma_down = (-(-side // 8) for side in (frame.width, frame.height))
         image.chroma_across, image.chroma_down = (-(-side // (8 * scale)) for side in (frame.width, frame.height))
         of_luma, of_chroma = image.luma_across * image.luma_down, image.chroma_across * image.chroma_down
+        image.is_linear = int(frame.is_linear)
+        image.bytes_of_light = byte_table(device)
         image.steps = wp.empty((worlds, tables.size), dtype=wp.float32, device=device)
         image.luma = wp.empty((worlds, pixels), dtype=wp.uint8, device=device)
         image.chroma = wp.empty((worlds, 64 * of_chroma), dtype=wp.vec2ub, device=device)

@@ -116,6 +116,8 @@ class Quantization(Effect):
     bits: Any = parameter(low=1.0, high=16.0)
 
     kind = "display"
+    takes_light = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_strip(quantize, [frame.mask, frame.size, frame.params.bits, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, int(frame.is_linear), frame.params.bits, frame.source, frame.target]
+        return [frame.per_strip(quantize, inputs)]

@@ -23,6 +23,8 @@ class CodedImage:
     luma_down: wp.int32
     chroma_across: wp.int32  # [blocks]
     chroma_down: wp.int32
+    is_linear: wp.int32  # colours are linear light
+    bytes_of_light: wp.array(dtype=wp.int32)  # see ``curves.byte_table``
     steps: wp.array2d(dtype=wp.float32)  # (world, 128) of luma and chroma, row by row
     luma: wp.array2d(dtype=wp.uint8)  # (world, pixel) before it is coded
     chroma: wp.array2d(dtype=wp.vec2ub)  # (world, pixel of whole blocks) coded: to blue and to red
@@ -47,7 +49,10 @@ def find_steps(
 
 @functools.cache
 def code_chroma(scale: int) -> wp.Kernel:
-    """Kernel that writes luma, and codes chroma of images that are ``scale`` times smaller; a thread a block, or LANES."""
+    """Kernel that writes luma, and codes chroma of images that are ``scale`` times smaller.
+
+    A block has a thread, on CUDA LANES.
+    """
     return make_kernel(
         f"code_chroma_{scale}",
         f"warpcam::code_jpeg_chroma<{scale}>(mask, image, source, index);",
@@ -58,7 +63,7 @@ def code_chroma(scale: int) -> wp.Kernel:
 
 @functools.cache
 def code_luma(scale: int) -> wp.Kernel:
-    """Kernel that codes luma, and writes colours of it with the chroma; a block a thread, or LANES."""
+    """Kernel that codes luma, and writes colours of it with the chroma; likewise."""
     return make_kernel(
         f"code_luma_{scale}",
         f"warpcam::code_jpeg_luma<{scale}>(mask, image, target, index);",

@@ -163,6 +163,7 @@ def find_shapes(
 def quantize(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
+    is_linear: wp.int32,
     bits: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
@@ -176,5 +177,8 @@ def quantize(
         pixel = row * size[0] + column
         value = source[world, pixel]
         for k in range(3):
-            value[k] = quotient(wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5), highest)
+            display = wp.clamp(value[k], 0.0, 1.0)
+            if is_linear != 0:
+                display = encode(display)
+            value[k] = quotient(wp.floor(display * highest + 0.5), highest)
         target[world, pixel] = value
