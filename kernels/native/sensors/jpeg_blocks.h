@@ -79,19 +79,8 @@ WARPCAM_DEVICE void transpose(JpegBlock& block)
 
 WARPCAM_DEVICE float jpeg_byte(float value) { return round_down(clamp(value, 0.0f, 255.0f) + 0.5f); }
 
-// A quotient rounded as that of a division, with the help of the divisor's reciprocal.
-WARPCAM_DEVICE float divided_exactly(float number, float divisor, float reciprocal)
-{
-#if defined(__CUDA_ARCH__)
-    const float nearly = number * reciprocal;
-    return fmaf(fmaf(-divisor, nearly, number), reciprocal, nearly);
-#else
-    return number / divisor;
-#endif
-}
-
 // A byte as a share of 255.
-WARPCAM_DEVICE float jpeg_share(float byte) { return divided_exactly(byte, 255.0f, 1.0f / 255.0f); }
+WARPCAM_DEVICE float jpeg_share(float byte) { return quotient(byte, 255.0f, 1.0f / 255.0f); }
 
 // Numbers of bytes, less 128, as they come back from the file; steps are those of the frequencies, row by row.
 WARPCAM_DEVICE void code_block(JpegBlock& block, const float* steps, int first_column)
@@ -105,7 +94,7 @@ WARPCAM_DEVICE void code_block(JpegBlock& block, const float* steps, int first_c
 #pragma unroll
         for (int column = 0; column < JPEG_COLUMNS; ++column) {
             const float step = steps[8 * row + first_column + column];
-            block.at[row][column] = step * wp::round(divided_exactly(block.at[row][column], step, rcp(step)));
+            block.at[row][column] = step * wp::round(quotient(block.at[row][column], step, rcp(step)));
         }
     }
     transform_columns<true>(block);

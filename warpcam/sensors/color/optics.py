@@ -7,10 +7,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.core.shared_memory import shared
-from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.neighborhoods import MAX_SIGMA, blur_columns, blur_rows, sharpen, shift_channels
+from warpcam.sensors.kernels.neighborhoods import BLUR_ROWS, MAX_SIGMA, blur, blur_rows, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
 
 
@@ -92,14 +91,10 @@ class Blur(Effect):
     sigma: Any = parameter(low=0.0, high=MAX_SIGMA)
 
     kind = "linear"
+    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size, (source, rows, target) = numbers_of(frame)
-        sigma = frame.params.sigma
-        return [
-            per_strip_of_numbers(frame, blur_rows, [frame.mask, size, sigma, source, rows]),
-            per_strip_of_numbers(frame, blur_columns, [frame.mask, size, sigma, rows, target]),
-        ]
+        return bind_blur(frame, blur, [frame.params.sigma])
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,23 +110,19 @@ class Sharpening(Effect):
     sigma: Any = parameter(1.0, low=0.0, high=MAX_SIGMA)
 
     kind = "display"
+    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size, (source, rows, target) = numbers_of(frame)
-        amount, sigma = frame.params.amount, frame.params.sigma
-        return [
-            per_strip_of_numbers(frame, blur_rows, [frame.mask, size, sigma, source, rows]),
-            per_strip_of_numbers(frame, sharpen, [frame.mask, size, amount, sigma, rows, source, target]),
-        ]
+        return bind_blur(frame, sharpen, [frame.params.amount, frame.params.sigma])
 
 
-def numbers_of(frame: EffectFrame) -> tuple[wp.vec2i, list[wp.array]]:
-    """Source, an image between and target of a frame as numbers, (world, 3 pixel), and the numbers across and down."""
-    shape = (len(frame.worlds), 3 * frame.width * frame.height)
+def bind_blur(frame: EffectFrame, kernel: wp.Kernel, parameters: Sequence[wp.array]) -> Sequence[Stage]:
+    """Bind the blur along rows, which narrow blurs do without, and a kernel that finishes it; the last is sigma."""
+    worlds, width, height = len(frame.worlds), 3 * frame.width, frame.height
     images = [frame.source, wp.empty_like(frame.source), frame.target]
-    return wp.vec2i(3 * frame.width, frame.height), [shared(image, shape, wp.float32) for image in images]
-
-
-def per_strip_of_numbers(frame: EffectFrame, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
-    """Bind a kernel with a thread for each strip of numbers of each world."""
-    return bind_launch(kernel, len(frame.worlds) * strips_of(3 * frame.width, frame.height), inputs, frame.device)
+    source, rows, target = (shared(image, (worlds, width * height), wp.float32) for image in images)
+    threads, common = worlds * width * -(-height // BLUR_ROWS), [frame.mask, width, height]
+    return [
+        bind_launch(blur_rows, threads, [*common, parameters[-1], source, rows], frame.device),
+        bind_launch(kernel, threads, [*common, *parameters, source, rows, target], frame.device),
+    ]

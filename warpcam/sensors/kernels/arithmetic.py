@@ -19,16 +19,17 @@ def power(base: wp.float32, exponent: wp.float32) -> wp.float32:
 #if defined(__CUDA_ARCH__)
 float reciprocal;
 asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(reciprocal) : "f"(divisor));
-const float nearly = number * reciprocal;
-return fmaf(fmaf(-divisor, nearly, number), reciprocal, nearly);
+const float nearly = number * reciprocal, rest = fmaf(-divisor, nearly, number);
+return rest == rest ? fmaf(rest, reciprocal, nearly) : nearly;
 #else
 return number / divisor;
 #endif
 """)
 def quotient(number: wp.float32, divisor: wp.float32) -> wp.float32:
-    """``number / divisor``, both finite and the divisor from 2^-100 to 2^100.
+    """``number / divisor`` of numbers that are not near the ends of the exponents.
 
-    On CUDA one step of Newton's method behind an approximate reciprocal, which a loop over one divisor keeps.
+    On CUDA one step of Newton's method behind an approximate reciprocal, which a loop over one divisor keeps;
+    ``native/core/platform.h`` has the same function for native code.
     """
     ...
 

@@ -2,149 +2,38 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.kernels import make_kernel
 
 wp.set_module_options(compiler_flags())
 
 MAX_SIGMA = 10.0  # of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read
 
 
-@wp.struct
-class Gaussian:
-    """Weights of a Gaussian, of which the middle has 1, out to three standard deviations."""
+BLUR_ROWS = 16  # of a column of numbers that a thread of a blur has, as in native/sensors/blur_images.h
 
-    radius: wp.int32  # [pixels]
-    ratio: wp.float32  # weight of the next pixel, whose weight is ratio^(1^2), and then ratio^(2^2), ...
+_IMAGES = {"mask": wp.array(dtype=wp.uint8), "width": wp.int32, "height": wp.int32}  # numbers across and down
+_NUMBERS, _IMAGE = wp.array(dtype=wp.float32), wp.array2d(dtype=wp.float32)  # (world,) and (world, 3 pixel)
 
-
-@wp.func
-def gaussian_of(sigma: wp.float32) -> Gaussian:
-    """The Gaussian of a standard deviation [pixels]; more than MAX_SIGMA counts as that, and NaN as 0."""
-    result = Gaussian()
-    if sigma > 0.0:
-        spread = wp.min(sigma, wp.static(MAX_SIGMA))
-        result.radius = wp.int32(wp.ceil(3.0 * spread))
-        result.ratio = wp.exp(-0.5 / (spread * spread))
-    return result
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def blur_rows(
-    mask: wp.array(dtype=wp.uint8),
-    size: wp.vec2i,
-    sigma: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-    first: wp.int32,
-):
-    """Means along the rows of an image, weighted by a Gaussian; beyond its ends a row goes on as the pixels there.
-
-    Threads have strips of numbers, three times as many as pixels, as all channels are treated alike and what threads
-    read together is next to each other. ``size`` counts numbers across.
-    """
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
-    if mask[world] == wp.uint8(0):
-        return
-    gaussian = gaussian_of(sigma[world])
-    leftmost = column % 3
-    rightmost = size[0] - 3 + leftmost
-    starts = wp.vec4i()
-    totals = strip_vector()
-    for k in range(STRIP):
-        starts[k] = wp.min(top + k, bottom - 1) * size[0]
-        totals[k] = source[world, starts[k] + column]
-    ratio = gaussian.ratio
-    growth = ratio * ratio
-    weight = wp.float32(1.0)
-    weights = wp.float32(1.0)
-    for distance in range(1, gaussian.radius + 1):
-        weight *= ratio  # ratio^(distance^2), whose exponent grows by 1, 3, 5, ...
-        ratio *= growth
-        before = wp.max(column - 3 * distance, leftmost)
-        after = wp.min(column + 3 * distance, rightmost)
-        for k in range(STRIP):
-            totals[k] += weight * (source[world, starts[k] + before] + source[world, starts[k] + after])
-        weights += 2.0 * weight
-    for k in range(STRIP):
-        if top + k < bottom:
-            target[world, starts[k] + column] = totals[k] / weights
-
-
-@wp.func
-def blurred_column(
-    rows: wp.array2d(dtype=wp.float32),
-    world: wp.int32,
-    column: wp.int32,
-    top: wp.int32,
-    size: wp.vec2i,
-    sigma: wp.float32,
-) -> strip_vector:
-    """Means along a column for the rows of a strip, likewise; a row is read once for all of them."""
-    gaussian = gaussian_of(sigma)
-    before = strip_vector()
-    for k in range(STRIP):
-        before[k] = rows[world, wp.min(top + k, size[1] - 1) * size[0] + column]
-    after = strip_vector(before)
-    totals = strip_vector(before)
-    ratio = gaussian.ratio
-    growth = ratio * ratio
-    weight = wp.float32(1.0)
-    weights = wp.float32(1.0)
-    for distance in range(1, gaussian.radius + 1):
-        weight *= ratio
-        ratio *= growth
-        for k in range(STRIP - 1):
-            before[STRIP - 1 - k] = before[STRIP - 2 - k]
-            after[k] = after[k + 1]
-        before[0] = rows[world, wp.max(top - distance, 0) * size[0] + column]
-        after[STRIP - 1] = rows[world, wp.min(top + STRIP - 1 + distance, size[1] - 1) * size[0] + column]
-        totals += weight * (before + after)
-        weights += 2.0 * weight
-    return totals / weights
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def blur_columns(
-    mask: wp.array(dtype=wp.uint8),
-    size: wp.vec2i,
-    sigma: wp.array(dtype=wp.float32),
-    rows: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-    first: wp.int32,
-):
-    """Blur down the columns of an image of blurred rows."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
-    if mask[world] == wp.uint8(0):
-        return
-    means = blurred_column(rows, world, column, top, size, sigma[world])
-    for k in range(STRIP):
-        if top + k < bottom:
-            target[world, (top + k) * size[0] + column] = means[k]
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def sharpen(
-    mask: wp.array(dtype=wp.uint8),
-    size: wp.vec2i,
-    amount: wp.array(dtype=wp.float32),
-    sigma: wp.array(dtype=wp.float32),
-    rows: wp.array2d(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-    first: wp.int32,
-):
-    """Add what a blur takes; ``rows`` is the image with blurred rows."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
-    if mask[world] == wp.uint8(0):
-        return
-    means = blurred_column(rows, world, column, top, size, sigma[world])
-    gain = amount[world]
-    for k in range(STRIP):
-        if top + k < bottom:
-            place = (top + k) * size[0] + column
-            value = source[world, place]
-            target[world, place] = value + gain * (value - means[k])
+blur_rows = make_kernel(
+    "blur_rows",
+    "warpcam::blur_rows(mask, width, height, sigma, source, rows, index);",
+    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
+blur = make_kernel(
+    "blur",
+    "warpcam::blur_image(mask, width, height, sigma, source, rows, target, index);",
+    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
+sharpen = make_kernel(
+    "sharpen",
+    "warpcam::sharpen_image(mask, width, height, amount, sigma, source, rows, target, index);",
+    {**_IMAGES, "amount": _NUMBERS, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
 
 
 @wp.func
