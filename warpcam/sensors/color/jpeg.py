@@ -11,7 +11,15 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.curves import byte_table
-from warpcam.sensors.kernels.jpeg import LANES, CodedImage, code_chroma, code_luma, find_steps
+from warpcam.sensors.kernels.jpeg import (
+    LANES,
+    CodedImage,
+    code_full_chroma,
+    code_full_luma,
+    code_half_chroma,
+    code_half_luma,
+    find_steps,
+)
 
 Subsampling = Literal["4:4:4", "4:2:0"]
 # Quantisation of luma and chroma at quality 50, row by row: ITU-T T.81, tables K.1 and K.2.
@@ -59,7 +67,10 @@ class JpegArtifacts(Effect):
             raise WarpcamError(f"{where}: subsampling must be {allowed}, got {self.subsampling!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        scale = 1 if self.subsampling == "4:4:4" else 2
+        is_full = self.subsampling == "4:4:4"
+        scale = 1 if is_full else 2
+        code_chroma = code_full_chroma if is_full else code_half_chroma
+        code_luma = code_full_luma if is_full else code_half_luma
         worlds, pixels, device = len(frame.worlds), frame.width * frame.height, frame.device
         tables = wp.array(np.array([LUMA, CHROMA], np.float32).ravel(), dtype=wp.float32, device=device)
         image = CodedImage()
@@ -76,6 +87,6 @@ class JpegArtifacts(Effect):
         inputs = [frame.mask, tables, frame.params.quality, image.steps]
         return [
             bind_launch(find_steps, worlds * tables.size, inputs, device),
-            bind_launch(code_chroma(scale), threads * of_chroma, [frame.mask, image, frame.source], device),
-            bind_launch(code_luma(scale), threads * of_luma, [frame.mask, image, frame.target], device),
+            bind_launch(code_chroma, threads * of_chroma, [frame.mask, image, frame.source], device),
+            bind_launch(code_luma, threads * of_luma, [frame.mask, image, frame.target], device),
         ]

@@ -1,7 +1,5 @@
 """Loss of JPEG: steps of quantisation, and blocks of 8 x 8 numbers by native code."""
 
-import functools
-
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
@@ -47,26 +45,16 @@ def find_steps(
     steps[world, entry] = wp.clamp(wp.floor((tables[entry] * percent + 50.0) / 100.0), 1.0, 255.0)
 
 
-@functools.cache
-def code_chroma(scale: int) -> wp.Kernel:
-    """Kernel that writes luma, and codes chroma of images that are ``scale`` times smaller.
-
-    A block has a thread, on CUDA LANES.
-    """
+def _coder(image: str, scale: int, colors: str) -> wp.Kernel:
+    """Kernel of native/sensors/jpeg_blocks.h for chroma that is ``scale`` times smaller; a block has a thread, or LANES."""
     return make_kernel(
-        f"code_chroma_{scale}",
-        f"warpcam::code_jpeg_chroma<{scale}>(mask, image, source, index);",
-        {"mask": wp.array(dtype=wp.uint8), "image": CodedImage, "source": wp.array2d(dtype=wp.vec3)},
+        f"code_{image}_{scale}",
+        f"warpcam::code_jpeg_{image}<{scale}>(mask, image, {colors}, index);",
+        {"mask": wp.array(dtype=wp.uint8), "image": CodedImage, colors: wp.array2d(dtype=wp.vec3)},
         native_module("sensors/jpeg_blocks.h"),
     )
 
 
-@functools.cache
-def code_luma(scale: int) -> wp.Kernel:
-    """Kernel that codes luma, and writes colours of it with the chroma; likewise."""
-    return make_kernel(
-        f"code_luma_{scale}",
-        f"warpcam::code_jpeg_luma<{scale}>(mask, image, target, index);",
-        {"mask": wp.array(dtype=wp.uint8), "image": CodedImage, "target": wp.array2d(dtype=wp.vec3)},
-        native_module("sensors/jpeg_blocks.h"),
-    )
+# They write luma and code chroma of a source; and code luma and write colours of it with the chroma.
+code_full_chroma, code_half_chroma = (_coder("chroma", scale, "source") for scale in (1, 2))
+code_full_luma, code_half_luma = (_coder("luma", scale, "target") for scale in (1, 2))
