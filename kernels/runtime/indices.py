@@ -11,6 +11,7 @@ def row_and_column(index: wp.int32, width: wp.int32):
 
 
 STRIP = wp.constant(4)  # rows of a strip
+strip_vector = wp.types.vector(length=int(STRIP), dtype=wp.float32)  # a number for each row of a strip
 
 
 def strips_of(width: int, height: int) -> int:

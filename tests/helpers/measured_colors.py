@@ -15,7 +15,7 @@ from warpcam.sensors.effect import Effect
 class Bench:
     """One effect between two images of vec3, (world, height, width), as a rig would bind it.
 
-    ``depth`` is that of the scene, (world, height, width), where the effect reads it.
+    ``depth`` is that of the scene, (world, height, width), where the effect reads it; ``is_linear`` as of a frame.
     """
 
     def __init__(
@@ -27,6 +27,7 @@ class Bench:
         seed: int = 0,
         views: Sequence[View] = (),
         depth: Any = None,
+        is_linear: bool = False,
     ):
         self.shape = np.shape(images)
         worlds, height, width = self.shape[:3]
@@ -45,6 +46,7 @@ class Bench:
             seed=seed,
             truth={} if depth is None else {"depth": self._depth(depth)},
             views=wp.array(list(views), dtype=View, device=device),
+            is_linear=is_linear,
         )
         self.mask, self.params = frame.mask, frame.params
         self._stages: list[Stage] = list(effect.bind(frame))

@@ -19,6 +19,9 @@ from warpcam.kernels.types import View
 from warpcam.sensors import color
 from warpcam.sensors.effect import parameters_of
 
+# Effects that look at neighbours have another image, but for these; those on a pixel by itself, wherever it is.
+PLACED = (sensors.JpegArtifacts, sensors.NaturalVignetting, sensors.Ppisp, sensors.Vignetting)
+POINTWISE = [effect for effect in EFFECTS if effect.in_place and not isinstance(effect, PLACED)]
 # Values to which parameters do react, where half of those above are no change to see.
 OTHERS = {"bits": 2.0, "full_well": 1000.0, "black_level": 60.0}
 
@@ -78,6 +81,18 @@ def test_what_is_measured_follows_seed_world_and_frame(effect: sensors.Effect, d
     few, many = (bench_of(effect, picture(worlds=count), device) for count in (2, 4))
     for _ in range(2):
         assert (few() == many()[:2]).all()
+
+
+@pytest.mark.parametrize(
+    "effect", [each for each in EFFECTS if each.in_place and type(each) not in PLACED], ids=name_of
+)
+def test_images_of_one_row_or_column_have_the_same_pixels(effect: sensors.Effect, device: wp.Device) -> None:
+    """Strips, which end within images, have all pixels, each under its number."""
+    light = picture(21, 37)
+    found = bench_of(effect, light, device)().reshape(2, -1, 3)
+    assert not (found == light.reshape(found.shape)).all(axis=(0, 2)).all()
+    for shape in ((1, 777), (777, 1)):
+        assert (bench_of(effect, light.reshape(2, *shape, 3), device)().reshape(found.shape) == found).all()
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=name_of)

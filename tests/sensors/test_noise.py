@@ -36,7 +36,7 @@ def numbers(light: np.ndarray, **changed: Any) -> np.ndarray:
     return light.astype(np.float64) * scale + values["black_level"]
 
 
-@pytest.mark.parametrize("mean", [0.1, 1.0, 7.0, 25.0, 31.99, 32.0, 60.0, 400.0, 12000.0])
+@pytest.mark.parametrize("mean", [0.1, 1.0, 3.99, 4.0, 7.0, 25.0, 60.0, 400.0, 12000.0])
 def test_electrons_have_poissons_distribution(mean: float, device: wp.Device) -> None:
     electrons = 20000.0
     counts = np.rint(measured(sensors.ShotNoise(electrons), flat(mean / electrons), device) * electrons).ravel()

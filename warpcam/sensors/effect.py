@@ -49,6 +49,8 @@ class Effect:
         reads: Outputs of the camera that it needs beside the image that it changes.
         in_place: It reads the pixel that it writes and no other of the image, so one image can be both.
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
+        takes_light: An effect on display colours that encodes linear light itself, by the sRGB curve, where
+            ``EffectFrame.is_linear`` is true; others get display colours.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """
@@ -57,6 +59,7 @@ class Effect:
     reads: ClassVar[tuple[str, ...]] = ()
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
+    takes_light: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
     timed: ClassVar[bool] = False
 
@@ -88,6 +91,7 @@ class EffectFrame:
         memory: Arrays of the effect that last from frame to frame: ``keep``.
         worlds: Which worlds of the scene the arrays have.
         pinhole: Rays of pixels follow from ``views``, from one point.
+        is_linear: Colours of ``source`` are linear light.
     """
 
     source: wp.array
@@ -105,6 +109,7 @@ class EffectFrame:
     memory: dict[str, wp.array]
     worlds: range
     pinhole: bool = False
+    is_linear: bool = False
 
     @property
     def size(self) -> wp.vec2i:

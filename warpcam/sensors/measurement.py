@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import get_args
+from typing import Any, get_args
 
 import warp as wp
 
@@ -13,11 +13,14 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
+from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
+from warpcam.sensors.kernels import curves
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import Randomness
+from warpcam.sensors.kernels.tone import apply_srgb
 from warpcam.sensors.timing.clock import Clock
 from warpcam.sensors.timing.delivery import DeliveredImages, Delivery
 
@@ -102,7 +105,6 @@ class Measurement:
     def bind(self, worlds: range, mask: wp.array) -> list[Stage]:
         """Bind the stages that measure some worlds."""
         within = slice(worlds.start, worlds.stop)
-        pixels = len(worlds) * self.height * self.width
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
@@ -113,9 +115,10 @@ class Measurement:
                 source = target
         for name in ("rgb", "rgba"):
             if name in self._measured:
-                shown, target = _as_rows(truth[name]), _as_rows(self._measured[name][within])
-                inputs = [mask, int(self._ends_linear), self._buffers[-1][0][within], shown, target]
-                stages.append(bind_launch(kernels.store_colors, pixels, inputs, self._device))
+                images = [self._buffers[-1][0][within], _as_rows(truth[name]), _as_rows(self._measured[name][within])]
+                kernel = kernels.store_light if self._ends_linear else kernels.store_display
+                tables = [curves.byte_table(self._device)] if self._ends_linear else []
+                stages.append(self._per_strip(kernel, worlds, [mask, self._size, *tables, *images]))
         if self._delivered:
             none = wp.empty(0, dtype=wp.float32, device=self._device)
             frame = self._frame(len(self._effects) - 1, none, none, truth, worlds, mask)
@@ -201,22 +204,26 @@ class Measurement:
         source = next(name for name in ("hdr", "rgb", "rgba") if name in self._truth)
         steps = []
         if source != "hdr":
-            steps.append(Step(source, False, self._bind_curve(kernels.decode_bytes)))
+            light = curves.light_table(self._device)
+            steps.append(Step(source, False, self._bind_curve(kernels.decode_bytes, [light])))
         elif self._renderer.scene.tables().physical is None:  # unbounded, but as a display takes it
-            steps.append(Step(source, True, self._bind_curve(kernels.decode_light)))
+            steps.append(Step(source, True, self._bind_curve(kernels.decode_light, [])))
         for number in colors:
             effect = self._effects[number]
-            if effect.kind == "display" and self._ends_linear:
-                steps.append(Step(source, True, self._bind_curve(kernels.encode_light)))
+            is_linear = self._ends_linear
+            if effect.kind == "display" and is_linear and not effect.takes_light:
+                steps.append(Step(source, True, self._bind_curve(apply_srgb, [])))
+                is_linear = False
             self._ends_linear &= effect.kind == "linear" and not effect.encodes
-            steps.append(self._step(number, source))
+            steps.append(self._step(number, source, is_linear))
         return steps
 
-    def _step(self, number: int, source: str) -> Step:
+    def _step(self, number: int, source: str, is_linear: bool = False) -> Step:
         effect = self._effects[number]
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
-            return effect.bind(self._frame(number, source, target, truth, worlds, mask))
+            frame = self._frame(number, source, target, truth, worlds, mask)
+            return effect.bind(dataclasses.replace(frame, is_linear=is_linear))
 
         return Step(source, effect.in_place, bind)
 
@@ -242,12 +249,18 @@ class Measurement:
             pinhole=self._is_pinhole(),
         )
 
-    def _bind_curve(self, kernel: wp.Kernel) -> BindStep:
+    def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
-            pixels = len(worlds) * self.height * self.width
-            return [bind_launch(kernel, pixels, [mask, source, target], self._device)]
+            return [self._per_strip(kernel, worlds, [mask, self._size, *tables, source, target])]
 
         return bind
+
+    def _per_strip(self, kernel: wp.Kernel, worlds: range, inputs: Sequence[Any]) -> Stage:
+        return bind_launch(kernel, len(worlds) * strips_of(self.width, self.height), inputs, self._device)
+
+    @property
+    def _size(self) -> wp.vec2i:
+        return wp.vec2i(self.width, self.height)
 
     def _make_buffers(self, steps: Sequence[Step]) -> list[wp.array]:
         """The measured image, and a second one where a step that is not the first looks at neighbours."""

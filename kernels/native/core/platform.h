@@ -118,6 +118,17 @@ WARPCAM_DEVICE float rcp(float a)
 #endif
 }
 
+// a / b, rounded as a division is if no number is near the ends of the exponents; reciprocal is that of b by rcp.
+WARPCAM_DEVICE float quotient(float a, float b, float reciprocal)
+{
+#if defined(__CUDA_ARCH__)
+    const float nearly = a * reciprocal, rest = fmaf(-b, nearly, a);
+    return rest == rest ? fmaf(rest, reciprocal, nearly) : nearly;  // NaN beside an infinite quotient
+#else
+    return a / b;
+#endif
+}
+
 WARPCAM_DEVICE float sqrt(float a)
 {
 #if defined(__CUDA_ARCH__)

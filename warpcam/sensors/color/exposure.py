@@ -37,8 +37,8 @@ class Exposure(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, params.stops, params.time, params.reference_time, frame.source, frame.target]
-        return [frame.per_pixel(expose, inputs)]
+        inputs = [frame.mask, frame.size, params.stops, params.time, params.reference_time, frame.source, frame.target]
+        return [frame.per_strip(expose, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class Gain(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_pixel(amplify, [frame.mask, frame.params.factor, frame.source, frame.target])]
+        return [frame.per_strip(amplify, [frame.mask, frame.size, frame.params.factor, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class WhiteBalance(Effect):
         return cls(gains_of(kelvin))
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_pixel(balance, [frame.mask, frame.params.gains, frame.source, frame.target])]
+        return [frame.per_strip(balance, [frame.mask, frame.size, frame.params.gains, frame.source, frame.target])]
 
 
 def gains_of(kelvin: Any) -> np.ndarray:

@@ -24,8 +24,8 @@ class Prnu(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_pixel(vary_response, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
+        return [frame.per_strip(vary_response, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Dsnu(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_pixel(vary_dark_signal, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
+        return [frame.per_strip(vary_dark_signal, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,5 +68,5 @@ class DeadPixels(Effect):
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
         parameters = [params.dead, params.hot, params.level]
-        inputs = [frame.mask, frame.randomness, *parameters, frame.source, frame.target]
-        return [frame.per_pixel(spoil_pixels, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, *parameters, frame.source, frame.target]
+        return [frame.per_strip(spoil_pixels, inputs)]

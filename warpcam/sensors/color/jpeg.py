@@ -1,6 +1,5 @@
 """Artefacts of JPEG compression."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -11,7 +10,16 @@ import warp as wp
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.jpeg import code_chroma, code_luma
+from warpcam.sensors.kernels.curves import byte_table
+from warpcam.sensors.kernels.jpeg import (
+    LANES,
+    CodedImage,
+    code_full_chroma,
+    code_full_luma,
+    code_half_chroma,
+    code_half_luma,
+    find_steps,
+)
 
 Subsampling = Literal["4:4:4", "4:2:0"]
 # Quantisation of luma and chroma at quality 50, row by row: ITU-T T.81, tables K.1 and K.2.
@@ -51,6 +59,7 @@ class JpegArtifacts(Effect):
     subsampling: Subsampling = "4:2:0"
 
     kind = "display"
+    takes_light = True
 
     def check(self, where: str) -> None:
         if self.subsampling not in get_args(Subsampling):
@@ -58,16 +67,26 @@ class JpegArtifacts(Effect):
             raise WarpcamError(f"{where}: subsampling must be {allowed}, got {self.subsampling!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        scale = 1 if self.subsampling == "4:4:4" else 2
-        numbers = np.array([LUMA, CHROMA], np.float32).reshape(2, 64)
-        tables = wp.array(numbers, dtype=wp.float32, device=frame.device)
-        size, worlds = (frame.width, frame.height), len(frame.worlds)
-        of_chroma, of_luma = ([-(-side // (8 * times)) for side in size] for times in (scale, 1))
-        chroma = wp.empty((worlds, 64 * math.prod(of_chroma)), dtype=wp.vec2ub, device=frame.device)
-        common = [frame.mask, tables, frame.params.quality, wp.vec2i(*size), scale]
-        inputs = [*common, wp.vec2i(*of_chroma), frame.source, chroma]
-        outputs = [*common, 8 * of_chroma[0], wp.vec2i(*of_luma), frame.source, chroma, frame.target]
+        is_full = self.subsampling == "4:4:4"
+        scale = 1 if is_full else 2
+        code_chroma = code_full_chroma if is_full else code_half_chroma
+        code_luma = code_full_luma if is_full else code_half_luma
+        worlds, pixels, device = len(frame.worlds), frame.width * frame.height, frame.device
+        tables = wp.array(np.array([LUMA, CHROMA], np.float32).ravel(), dtype=wp.float32, device=device)
+        image = CodedImage()
+        image.width, image.height = frame.width, frame.height
+        image.luma_across, image.luma_down = (-(-side // 8) for side in (frame.width, frame.height))
+        image.chroma_across, image.chroma_down = (-(-side // (8 * scale)) for side in (frame.width, frame.height))
+        of_luma, of_chroma = image.luma_across * image.luma_down, image.chroma_across * image.chroma_down
+        image.is_linear = int(frame.is_linear)
+        image.bytes_of_light = byte_table(device)
+        image.steps = wp.empty((worlds, tables.size), dtype=wp.float32, device=device)
+        image.luma = wp.empty((worlds, pixels), dtype=wp.uint8, device=device)
+        image.chroma = wp.empty((worlds, 64 * of_chroma), dtype=wp.vec2ub, device=device)
+        threads = worlds * (LANES if device.is_cuda else 1)
+        inputs = [frame.mask, tables, frame.params.quality, image.steps]
         return [
-            bind_launch(code_chroma, worlds * math.prod(of_chroma), inputs, frame.device),
-            bind_launch(code_luma, worlds * math.prod(of_luma), outputs, frame.device),
+            bind_launch(find_steps, worlds * tables.size, inputs, device),
+            bind_launch(code_chroma, threads * of_chroma, [frame.mask, image, frame.source], device),
+            bind_launch(code_luma, threads * of_luma, [frame.mask, image, frame.target], device),
         ]

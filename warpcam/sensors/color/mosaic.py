@@ -4,7 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import warp as wp
+
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame
 from warpcam.sensors.kernels.mosaics import Mosaic, interpolate_bilinearly, interpolate_with_gradients
@@ -44,7 +47,8 @@ class BayerMosaic(Effect):
                 f"BayerMosaic: the image must have at least 3 x 3 pixels, it has {frame.width} x {frame.height}"
             )
         mosaic = Mosaic()
-        mosaic.colors, mosaic.width, mosaic.height = frame.source, frame.width, frame.height
+        mosaic.numbers = shared(frame.source, (len(frame.worlds), 3 * frame.width * frame.height), wp.float32)
+        mosaic.width, mosaic.height = frame.width, frame.height
         mosaic.red_row, mosaic.red_column = divmod(self.filters.index("R"), 2)
         kernel = interpolate_bilinearly if self.interpolation == "bilinear" else interpolate_with_gradients
-        return [frame.per_pixel(kernel, [frame.mask, mosaic, frame.target])]
+        return [frame.per_strip(kernel, [frame.mask, frame.size, mosaic, frame.target])]

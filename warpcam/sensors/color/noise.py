@@ -27,8 +27,8 @@ class ShotNoise(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.randomness, frame.params.electrons, frame.source, frame.target]
-        return [frame.per_pixel(count_electrons, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, frame.params.electrons, frame.source, frame.target]
+        return [frame.per_strip(count_electrons, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +44,8 @@ class ReadNoise(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_pixel(add_normal, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
+        return [frame.per_strip(add_normal, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,5 +92,5 @@ class Emva1288(Effect):
         camera = LinearCamera()
         for name, values in vars(frame.params).items():
             setattr(camera, name, values)
-        inputs = [frame.mask, frame.randomness, camera, frame.source, frame.target]
-        return [frame.per_pixel(measure_linearly, inputs)]
+        inputs = [frame.mask, frame.size, frame.randomness, camera, frame.source, frame.target]
+        return [frame.per_strip(measure_linearly, inputs)]

@@ -6,9 +6,10 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import Stage
+from warpcam.core.shared_memory import shared
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.neighborhoods import MAX_SIGMA, blur_lines, sharpen, shift_channels
+from warpcam.sensors.kernels.neighborhoods import BLUR_ROWS, MAX_SIGMA, blur, blur_rows, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
 
 
@@ -29,8 +30,8 @@ class NaturalVignetting(Effect):
     needs_pinhole = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.views, frame.params.strength, frame.width, frame.source, frame.target]
-        return [frame.per_pixel(darken_naturally, inputs)]
+        inputs = [frame.mask, frame.size, frame.views, frame.params.strength, frame.source, frame.target]
+        return [frame.per_strip(darken_naturally, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,10 +52,9 @@ class Vignetting(Effect):
     kind = "linear"
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size = [frame.width, frame.height]
         parameters = [frame.params.coefficients, frame.params.center]
-        inputs = [frame.mask, *parameters, *size, frame.source, frame.target]
-        return [frame.per_pixel(darken_by_radius, inputs)]
+        inputs = [frame.mask, frame.size, *parameters, frame.source, frame.target]
+        return [frame.per_strip(darken_by_radius, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,9 +76,8 @@ class ChromaticAberration(Effect):
     in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        size = [frame.width, frame.height]
-        inputs = [frame.mask, frame.params.red, frame.params.blue, *size, frame.source, frame.target]
-        return [frame.per_pixel(shift_channels, inputs)]
+        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.target]
+        return [frame.per_strip(shift_channels, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +91,10 @@ class Blur(Effect):
     sigma: Any = parameter(low=0.0, high=MAX_SIGMA)
 
     kind = "linear"
+    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        rows, stage = bind_rows(frame)
-        inputs = [frame.mask, frame.params.sigma, frame.width, 1, rows, frame.target]
-        return [stage, frame.per_pixel(blur_lines, inputs)]
+        return bind_blur(frame, blur, [frame.params.sigma])
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,16 +110,19 @@ class Sharpening(Effect):
     sigma: Any = parameter(1.0, low=0.0, high=MAX_SIGMA)
 
     kind = "display"
+    in_place = False
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        rows, stage = bind_rows(frame)
-        parameters = [frame.params.amount, frame.params.sigma]
-        inputs = [frame.mask, *parameters, frame.width, rows, frame.source, frame.target]
-        return [stage, frame.per_pixel(sharpen, inputs)]
+        return bind_blur(frame, sharpen, [frame.params.amount, frame.params.sigma])
 
 
-def bind_rows(frame: EffectFrame) -> tuple[wp.array, Stage]:
-    """An image blurred along its rows, and the stage that writes it; its columns are left to a second stage."""
-    rows = wp.empty_like(frame.source)
-    inputs = [frame.mask, frame.params.sigma, frame.width, 0, frame.source, rows]
-    return rows, frame.per_pixel(blur_lines, inputs)
+def bind_blur(frame: EffectFrame, kernel: wp.Kernel, parameters: Sequence[wp.array]) -> Sequence[Stage]:
+    """Bind the blur along rows, which narrow blurs do without, and a kernel that finishes it; the last is sigma."""
+    worlds, width, height = len(frame.worlds), 3 * frame.width, frame.height
+    images = [frame.source, wp.empty_like(frame.source), frame.target]
+    source, rows, target = (shared(image, (worlds, width * height), wp.float32) for image in images)
+    threads, common = worlds * width * -(-height // BLUR_ROWS), [frame.mask, width, height]
+    return [
+        bind_launch(blur_rows, threads, [*common, parameters[-1], source, rows], frame.device),
+        bind_launch(kernel, threads, [*common, *parameters, source, rows, target], frame.device),
+    ]

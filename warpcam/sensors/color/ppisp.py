@@ -87,14 +87,13 @@ class Ppisp(Effect):
         params, optics = frame.params, Optics()
         optics.responsivity, optics.exposure_offset = params.responsivity, params.exposure_offset
         optics.centers, optics.coefficients = params.vignetting_center, params.vignetting
-        optics.width, optics.height = frame.width, frame.height
         homographies = wp.empty(len(frame.worlds), dtype=wp.mat33, device=frame.device)
         shapes, find = bind_shapes(frame)
-        inputs = [frame.mask, optics, homographies, shapes, frame.source, frame.target]
+        inputs = [frame.mask, frame.size, optics, homographies, shapes, frame.source, frame.target]
         return [
             find,
             frame.per_world(find_homographies, [params.color_latents, homographies]),
-            frame.per_pixel(process, inputs),
+            frame.per_strip(process, inputs),
         ]
 
 

@@ -47,10 +47,10 @@ class ToneCurve(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         if self.points is None:
-            return [frame.per_pixel(apply_srgb, [frame.mask, frame.source, frame.target])]
+            return [frame.per_strip(apply_srgb, [frame.mask, frame.size, frame.source, frame.target])]
         numbers = np.ascontiguousarray(as_numbers(self.points, "points"), np.float32)
         points = wp.array(numbers, dtype=wp.vec2, device=frame.device)
-        return [frame.per_pixel(apply_points, [frame.mask, points, frame.source, frame.target])]
+        return [frame.per_strip(apply_points, [frame.mask, frame.size, points, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class GammaCurve(Effect):
     encodes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_pixel(apply_gamma, [frame.mask, frame.params.gamma, frame.source, frame.target])]
+        return [frame.per_strip(apply_gamma, [frame.mask, frame.size, frame.params.gamma, frame.source, frame.target])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class ResponseCurve(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         shapes, stage = bind_shapes(frame)
-        return [stage, frame.per_pixel(apply_response, [frame.mask, shapes, frame.source, frame.target])]
+        return [stage, frame.per_strip(apply_response, [frame.mask, frame.size, shapes, frame.source, frame.target])]
 
 
 def bind_shapes(frame: EffectFrame) -> tuple[wp.array, Stage]:
@@ -116,6 +116,8 @@ class Quantization(Effect):
     bits: Any = parameter(low=1.0, high=16.0)
 
     kind = "display"
+    takes_light = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_pixel(quantize, [frame.mask, frame.params.bits, frame.source, frame.target])]
+        inputs = [frame.mask, frame.size, int(frame.is_linear), frame.params.bits, frame.source, frame.target]
+        return [frame.per_strip(quantize, inputs)]

@@ -3,15 +3,16 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.arithmetic import inverse_root, quotient
+from warpcam.sensors.kernels.random import Randomness, frame_state, three_normals, two_normals
 from warpcam.sensors.kernels.tone import greatest_number
 
 wp.set_module_options(compiler_flags())
 
 # Least mean for which Poisson's distribution is approximated. The approximation's distribution function is off by less
-# than 5e-4 from here on, and its mean and variance by less than 1e-3 of the mean.
-APPROXIMATE_FROM = wp.constant(32.0)
+# than 4e-4 from here on, and its mean and variance by less than 1e-3 of the mean.
+APPROXIMATE_FROM = wp.constant(4.0)
 # Probability below which the tail of the exact distribution is cut off: less than the step of a random number.
 LEAST_PROBABILITY = wp.constant(1.0e-8)
 
@@ -32,82 +33,113 @@ class LinearCamera:
 
 
 @wp.func
-def two_normals(state: wp.uint32):
-    """Two independent numbers of the standard normal distribution, by Box and Muller, and the next state."""
-    radius = wp.sqrt(-2.0 * wp.log(1.0 - wp.randf(state)))
-    angle = 6.2831853 * wp.randf(state)
-    return radius * wp.cos(angle), radius * wp.sin(angle), state
+def many_electrons(mean: wp.float32, normal: wp.float32) -> wp.float32:
+    """A number of Poisson's distribution with a mean of at least APPROXIMATE_FROM, from a standard normal number.
 
-
-@wp.func
-def three_normals(state: wp.uint32):
-    """Three independent numbers of the standard normal distribution, and the next state."""
-    red, green, state = two_normals(state)
-    blue, _, state = two_normals(state)
-    return wp.vec3(red, green, blue), state
-
-
-@wp.func
-def electrons_of(mean: wp.float32, uniform: wp.float32, normal: wp.float32) -> wp.float32:
-    """A number of Poisson's distribution with that mean.
-
-    Few electrons are counted along the distribution function until it passes ``uniform``, which ends after at most
-    69 steps. Many are a normal number with the skewness of Poisson's distribution, after Cornish and Fisher, and
-    with its variance once rounded: (z^2 - 1) / 6 adds 1 / 18 to the variance and rounding 1 / 12.
+    The expansion of the inverse distribution function to 1 / mean: Giles, "Algorithm 955: approximation of the inverse
+    Poisson cumulative distribution function", ACM TOMS 42(1), 2016.
     """
-    if mean >= APPROXIMATE_FROM:
-        spread = wp.sqrt(mean - 5.0 / 36.0)
-        return wp.max(wp.floor(mean + spread * normal + (normal * normal - 1.0) / 6.0 + 0.5), 0.0)
+    inverse = inverse_root(mean)
+    root = mean * inverse
+    square = normal * normal
+    correction = (2.0 + square) * (1.0 / 6.0 - (1.0 / 72.0) * normal * inverse)
+    small = ((square * (1.0 / 270.0) + 7.0 / 810.0) * square - 8.0 / 405.0) * inverse * inverse
+    return wp.max(wp.floor(mean + root * normal + correction + small), 0.0)
+
+
+@wp.func
+def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
+    """Three numbers of Poisson's distribution with means below APPROXIMATE_FROM, by inversion: exact but for rounding.
+
+    They are counted along the distribution functions until these pass ``uniforms``, after at most 23 steps.
+    """
+    probabilities = wp.vec3(wp.exp(-means[0]), wp.exp(-means[1]), wp.exp(-means[2]))
+    passed = wp.vec3(probabilities[0], probabilities[1], probabilities[2])
+    counts = wp.vec3()
     count = wp.float32(0.0)
-    probability = wp.exp(-mean)
-    passed = wp.float32(probability)
-    while uniform >= passed and (count < mean or probability > LEAST_PROBABILITY):
-        count += 1.0
-        probability *= mean / count
-        passed += probability
-    return count
+    more = wp.bool(True)
+    while more:
+        more = wp.bool(False)
+        step = count + 1.0
+        share = quotient(1.0, step)
+        for k in range(3):
+            if uniforms[k] >= passed[k] and (count < means[k] or probabilities[k] > LEAST_PROBABILITY):
+                more = wp.bool(True)
+                counts[k] = step
+            probabilities[k] *= means[k] * share
+            passed[k] += probabilities[k]
+        count = step
+    return counts
 
 
-@wp.kernel(enable_backward=False)
+@wp.func
+def electrons_of(means: wp.vec3, uniforms: wp.vec3, normals: wp.vec3) -> wp.vec3:
+    """Numbers of Poisson's distribution with those means: of many electrons by ``normals``, of few by ``uniforms``."""
+    counts = wp.vec3()
+    if wp.min(means) < APPROXIMATE_FROM:
+        chances = wp.vec3(uniforms[0], uniforms[1], uniforms[2])
+        for k in range(3):
+            if means[k] >= APPROXIMATE_FROM:
+                chances[k] = -1.0  # ends the count at once
+        counts = few_electrons(means, chances)
+    for k in range(3):
+        if means[k] >= APPROXIMATE_FROM:
+            counts[k] = many_electrons(means[k], normals[k])
+    return counts
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
 def count_electrons(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     electrons_at_white: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    normals, state = three_normals(element_state(randomness, world, pixel))
     scale = electrons_at_white[world]
-    light = source[world, pixel]
-    measured = wp.vec3()
-    for k in range(3):
-        measured[k] = electrons_of(wp.max(light[k], 0.0) * scale, wp.randf(state), normals[k]) / scale
-    target[world, pixel] = measured
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        normals, state = three_normals(wp.rand_init(random, pixel))
+        uniforms = wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state))
+        light = source[world, pixel]
+        means = scale * wp.vec3(wp.max(light[0], 0.0), wp.max(light[1], 0.0), wp.max(light[2], 0.0))
+        electrons = electrons_of(means, uniforms, normals)
+        target[world, pixel] = wp.vec3(
+            quotient(electrons[0], scale), quotient(electrons[1], scale), quotient(electrons[2], scale)
+        )
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_normal(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    normals, _ = three_normals(element_state(randomness, world, pixel))
-    target[world, pixel] = source[world, pixel] + sigma[world] * normals
+    spread = sigma[world]
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        normals, _ = three_normals(wp.rand_init(random, pixel))
+        target[world, pixel] = source[world, pixel] + spread * normals
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def measure_linearly(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     camera: LinearCamera,
     source: wp.array2d(dtype=wp.vec3),
@@ -115,21 +147,34 @@ def measure_linearly(
     first: wp.int32,
 ):
     """Photons to electrons to digital numbers, and these as linear light again."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    state = element_state(randomness, world, pixel)
     at_white = camera.quantum_efficiency[world] * camera.photons_at_white[world]
     dark = camera.dark_current[world] * camera.exposure_time[world]
     black = camera.black_level[world]
     gain = camera.gain[world]
     highest = greatest_number(camera.bits[world])
-    light = source[world, pixel]
-    measured = wp.vec3()
-    for k in range(3):
-        of_light, of_dark, state = two_normals(state)
-        electrons = electrons_of(wp.max(light[k], 0.0) * at_white + dark, wp.randf(state), of_light)
-        electrons = wp.min(electrons, camera.full_well[world]) + camera.dark_noise[world] * of_dark
-        number = wp.clamp(wp.floor(gain * electrons + black + 0.5), 0.0, highest)
-        measured[k] = (number - black) / (gain * at_white)
-    target[world, pixel] = measured
+    full_well = camera.full_well[world]
+    dark_noise = camera.dark_noise[world]
+    white = gain * at_white
+    random = frame_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        state = wp.rand_init(random, pixel)
+        light = source[world, pixel]
+        means = wp.vec3()
+        uniforms = wp.vec3()
+        normals = wp.vec3()
+        noise = wp.vec3()
+        for k in range(3):
+            of_light, of_dark, state = two_normals(state)
+            means[k] = wp.max(light[k], 0.0) * at_white + dark
+            uniforms[k] = wp.randf(state)
+            normals[k] = of_light
+            noise[k] = dark_noise * of_dark
+        electrons = electrons_of(means, uniforms, normals)
+        for k in range(3):
+            number = wp.floor(gain * (wp.min(electrons[k], full_well) + noise[k]) + black + 0.5)
+            light[k] = quotient(wp.clamp(number, 0.0, highest) - black, white)
+        target[world, pixel] = light

@@ -3,14 +3,15 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 
 wp.set_module_options(compiler_flags())
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def expose(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     stops: wp.array(dtype=wp.float32),
     time: wp.array(dtype=wp.float32),
     reference_time: wp.array(dtype=wp.float32),
@@ -18,35 +19,46 @@ def expose(
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     factor = wp.pow(2.0, stops[world]) * time[world] / reference_time[world]
-    target[world, pixel] = factor * source[world, pixel]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        target[world, pixel] = factor * source[world, pixel]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def amplify(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     factor: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] != wp.uint8(0):
-        target[world, pixel] = factor[world] * source[world, pixel]
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    gain = factor[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        target[world, pixel] = gain * source[world, pixel]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def balance(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     gains: wp.array2d(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] != wp.uint8(0):
-        row = wp.vec3(gains[world, 0], gains[world, 1], gains[world, 2])
-        target[world, pixel] = wp.cw_mul(row, source[world, pixel])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    factors = wp.vec3(gains[world, 0], gains[world, 1], gains[world, 2])
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        target[world, pixel] = wp.cw_mul(factors, source[world, pixel])

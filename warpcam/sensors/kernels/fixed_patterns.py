@@ -3,53 +3,64 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.electrons import three_normals
-from warpcam.sensors.kernels.random import Randomness, lasting_state
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.random import Randomness, device_state, three_normals
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.func
-def pattern(randomness: Randomness, world: wp.int32, pixel: wp.int32) -> wp.vec3:
-    """Normal numbers of a pixel's three channels, equal in all frames."""
-    normals, _ = three_normals(lasting_state(randomness, world, pixel))
+def pattern(random: wp.int32, pixel: wp.int32) -> wp.vec3:
+    """Normal numbers of a pixel's three channels from the state of its device."""
+    normals, _ = three_normals(wp.rand_init(random, pixel))
     return normals
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def vary_response(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    gains = wp.vec3(1.0) + sigma[world] * pattern(randomness, world, pixel)
-    target[world, pixel] = wp.cw_mul(gains, source[world, pixel])
+    spread = sigma[world]
+    random = device_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        gains = wp.vec3(1.0) + spread * pattern(random, pixel)
+        target[world, pixel] = wp.cw_mul(gains, source[world, pixel])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def vary_dark_signal(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] != wp.uint8(0):
-        target[world, pixel] = source[world, pixel] + sigma[world] * pattern(randomness, world, pixel)
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    spread = sigma[world]
+    random = device_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        target[world, pixel] = source[world, pixel] + spread * pattern(random, pixel)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def spoil_pixels(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     randomness: Randomness,
     dead: wp.array(dtype=wp.float32),
     hot: wp.array(dtype=wp.float32),
@@ -58,13 +69,19 @@ def spoil_pixels(
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    value = source[world, pixel]
-    number = wp.randf(lasting_state(randomness, world, pixel))
-    if number < dead[world]:
-        value = wp.vec3(0.0)
-    elif number < dead[world] + hot[world]:
-        value = wp.vec3(level[world])
-    target[world, pixel] = value
+    black = dead[world]
+    bright = black + hot[world]
+    shown = level[world]
+    random = device_state(randomness, world)
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        number = wp.randf(wp.rand_init(random, pixel))
+        if number < black:
+            value = wp.vec3(0.0)
+        elif number < bright:
+            value = wp.vec3(shown)
+        target[world, pixel] = value

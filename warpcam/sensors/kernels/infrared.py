@@ -5,8 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.types import View
-from warpcam.sensors.kernels.electrons import two_normals
-from warpcam.sensors.kernels.random import Randomness, element_state
+from warpcam.sensors.kernels.random import Randomness, element_state, two_normals
 
 wp.set_module_options(compiler_flags())
 

@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import STRIP, strip_of
+from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import focal_length, is_measured
 
@@ -11,8 +11,6 @@ wp.set_module_options(compiler_flags())
 
 # Tolerance of a neighbour at r pixels, in units of r^2 times that of the pixel itself.
 GROWTH = wp.constant(1.44)
-
-strip_vector = wp.types.vector(length=int(STRIP), dtype=wp.float32)
 
 
 @wp.struct

@@ -3,16 +3,19 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
 
 wp.set_module_options(compiler_flags())
+
+near_column = wp.types.vector(length=int(STRIP) + 2, dtype=wp.float32)  # a number for each row of a strip and 1 beside
+far_column = wp.types.vector(length=int(STRIP) + 4, dtype=wp.float32)  # likewise, and 2 beside
 
 
 @wp.struct
 class Mosaic:
     """Image with one number for each pixel: the channel that the filter in front of it lets through."""
 
-    colors: wp.array2d(dtype=wp.vec3)  # (world, pixel)
+    numbers: wp.array2d(dtype=wp.float32)  # (world, 3 pixel) colours
     width: wp.int32
     height: wp.int32
     red_column: wp.int32  # 0 or 1: columns with red filters are even or odd
@@ -21,94 +24,113 @@ class Mosaic:
 
 @wp.func
 def mirrored(index: wp.int32, size: wp.int32) -> wp.int32:
-    """Index of a line, mirrored at the lines of the border, which keeps the order of filters."""
+    """Index of a line, mirrored at the lines of the border, which keeps the order of filters; 0 for one far outside."""
     inside = wp.abs(index)
-    return wp.where(inside >= size, 2 * (size - 1) - inside, inside)
+    return wp.max(wp.where(inside >= size, 2 * (size - 1) - inside, inside), 0)
 
 
 @wp.func
-def channel_of(mosaic: Mosaic, column: wp.int32, row: wp.int32) -> wp.int32:
-    in_red_column = (column & 1) == mosaic.red_column
-    in_red_row = (row & 1) == mosaic.red_row
-    if in_red_column and in_red_row:
-        return 0
-    if in_red_column or in_red_row:
-        return 1
-    return 2
+def beyond_red(mosaic: Mosaic, column: wp.int32) -> wp.int32:
+    """0 in a column with red filters, 1 in others."""
+    return (column ^ mosaic.red_column) & 1
 
 
 @wp.func
 def at(mosaic: Mosaic, world: wp.int32, column: wp.int32, row: wp.int32) -> wp.float32:
-    x = mirrored(column, mosaic.width)
+    """Number of a pixel: a filter is red in a column and a row of red ones, blue in neither, else green."""
     y = mirrored(row, mosaic.height)
-    color = mosaic.colors[world, y * mosaic.width + x]
-    return color[channel_of(mosaic, x, y)]
+    channel = beyond_red(mosaic, column) + ((y ^ mosaic.red_row) & 1)
+    return mosaic.numbers[world, 3 * (y * mosaic.width + column) + channel]
 
 
 @wp.func
-def across(mosaic: Mosaic, world: wp.int32, column: wp.int32, row: wp.int32, step: wp.int32) -> wp.float32:
-    return at(mosaic, world, column - step, row) + at(mosaic, world, column + step, row)
+def near_sums(mosaic: Mosaic, world: wp.int32, column: wp.int32, top: wp.int32) -> near_column:
+    """Sums of the pixels to the left and to the right, from the row above a strip on."""
+    left = mirrored(column - 1, mosaic.width)
+    right = mirrored(column + 1, mosaic.width)
+    sums = near_column()
+    for k in range(STRIP + 2):
+        sums[k] = at(mosaic, world, left, top - 1 + k) + at(mosaic, world, right, top - 1 + k)
+    return sums
 
 
 @wp.func
-def along(mosaic: Mosaic, world: wp.int32, column: wp.int32, row: wp.int32, step: wp.int32) -> wp.float32:
-    return at(mosaic, world, column, row - step) + at(mosaic, world, column, row + step)
+def is_red_row(mosaic: Mosaic, row: wp.int32) -> wp.bool:
+    return (row & 1) == mosaic.red_row
 
 
 @wp.func
-def corners(mosaic: Mosaic, world: wp.int32, column: wp.int32, row: wp.int32) -> wp.float32:
-    return across(mosaic, world, column, row - 1, 1) + across(mosaic, world, column, row + 1, 1)
+def color_of(channel: wp.int32, own: wp.float32, green: wp.float32, other: wp.float32) -> wp.vec3:
+    """Colour of a pixel that measures red, 0, or blue, 2, and of which green and the other one were found."""
+    return wp.vec3(wp.where(channel == 0, own, other), green, wp.where(channel == 0, other, own))
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def interpolate_bilinearly(
-    mask: wp.array(dtype=wp.uint8), mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
+    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
 ):
-    world, pixel = row_and_column(first + wp.tid(), target.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, mosaic.width)
-    own = at(mosaic, world, column, row)
-    horizontal = across(mosaic, world, column, row, 1)
-    vertical = along(mosaic, world, column, row, 1)
-    channel = channel_of(mosaic, column, row)
-    color = wp.vec3(own)
-    if channel == 1:
-        is_red_row = (row & 1) == mosaic.red_row
-        color[0] = 0.5 * wp.where(is_red_row, horizontal, vertical)
-        color[2] = 0.5 * wp.where(is_red_row, vertical, horizontal)
-    else:
-        color[1] = 0.25 * (horizontal + vertical)
-        color[2 - channel] = 0.25 * corners(mosaic, world, column, row)
-    target[world, pixel] = color
+    middle = near_column()
+    for k in range(STRIP + 2):
+        middle[k] = at(mosaic, world, column, top - 1 + k)
+    beside = near_sums(mosaic, world, column, top)
+    outside = beyond_red(mosaic, column)
+    for k in range(STRIP):
+        row = top + k
+        if row < bottom:
+            own = middle[k + 1]
+            horizontal = beside[k + 1]
+            vertical = middle[k] + middle[k + 2]
+            in_red_row = is_red_row(mosaic, row)
+            channel = outside + wp.where(in_red_row, 0, 1)
+            color = wp.vec3(
+                0.5 * wp.where(in_red_row, horizontal, vertical), own, 0.5 * wp.where(in_red_row, vertical, horizontal)
+            )
+            if channel != 1:
+                color = color_of(channel, own, 0.25 * (horizontal + vertical), 0.25 * (beside[k] + beside[k + 2]))
+            target[world, row * size[0] + column] = color
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def interpolate_with_gradients(
-    mask: wp.array(dtype=wp.uint8), mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
+    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
 ):
     """Linear filters of 5 x 5 pixels by Malvar, He and Cutler."""
-    world, pixel = row_and_column(first + wp.tid(), target.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, mosaic.width)
-    own = at(mosaic, world, column, row)
-    horizontal = across(mosaic, world, column, row, 1)
-    vertical = along(mosaic, world, column, row, 1)
-    far_horizontal = across(mosaic, world, column, row, 2)
-    far_vertical = along(mosaic, world, column, row, 2)
-    diagonal = corners(mosaic, world, column, row)
-    channel = channel_of(mosaic, column, row)
-    color = wp.vec3(own)
-    if channel == 1:
-        common = 5.0 * own - diagonal
-        sideways = (common + 4.0 * horizontal - far_horizontal + 0.5 * far_vertical) / 8.0
-        upright = (common + 4.0 * vertical - far_vertical + 0.5 * far_horizontal) / 8.0
-        is_red_row = (row & 1) == mosaic.red_row
-        color[0] = wp.where(is_red_row, sideways, upright)
-        color[2] = wp.where(is_red_row, upright, sideways)
-    else:
-        far = far_horizontal + far_vertical
-        color[1] = (4.0 * own + 2.0 * (horizontal + vertical) - far) / 8.0
-        color[2 - channel] = (6.0 * own + 2.0 * diagonal - 1.5 * far) / 8.0
-    target[world, pixel] = wp.vec3(wp.max(color[0], 0.0), wp.max(color[1], 0.0), wp.max(color[2], 0.0))
+    middle = far_column()
+    for k in range(STRIP + 4):
+        middle[k] = at(mosaic, world, column, top - 2 + k)
+    beside = near_sums(mosaic, world, column, top)
+    left = mirrored(column - 2, size[0])
+    right = mirrored(column + 2, size[0])
+    far_horizontal = strip_vector()
+    for k in range(STRIP):
+        far_horizontal[k] = at(mosaic, world, left, top + k) + at(mosaic, world, right, top + k)
+    outside = beyond_red(mosaic, column)
+    for k in range(STRIP):
+        row = top + k
+        if row < bottom:
+            own = middle[k + 2]
+            horizontal = beside[k + 1]
+            vertical = middle[k + 1] + middle[k + 3]
+            far_vertical = middle[k] + middle[k + 4]
+            diagonal = beside[k] + beside[k + 2]
+            in_red_row = is_red_row(mosaic, row)
+            channel = outside + wp.where(in_red_row, 0, 1)
+            color = wp.vec3()
+            if channel == 1:
+                common = 5.0 * own - diagonal
+                sideways = (common + 4.0 * horizontal - far_horizontal[k] + 0.5 * far_vertical) / 8.0
+                upright = (common + 4.0 * vertical - far_vertical + 0.5 * far_horizontal[k]) / 8.0
+                color = wp.vec3(wp.where(in_red_row, sideways, upright), own, wp.where(in_red_row, upright, sideways))
+            else:
+                far = far_horizontal[k] + far_vertical
+                green = (4.0 * own + 2.0 * (horizontal + vertical) - far) / 8.0
+                color = color_of(channel, own, green, (6.0 * own + 2.0 * diagonal - 1.5 * far) / 8.0)
+            target[world, row * size[0] + column] = wp.vec3(
+                wp.max(color[0], 0.0), wp.max(color[1], 0.0), wp.max(color[2], 0.0)
+            )

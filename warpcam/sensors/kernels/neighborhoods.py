@@ -2,95 +2,38 @@
 
 import warp as wp
 
-from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.compile import compiler_flags, native_module
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.kernels import make_kernel
 
 wp.set_module_options(compiler_flags())
 
 MAX_SIGMA = 10.0  # of the widest Gaussian [pixels]: 61 pixels of a row and of a column are read
 
 
-@wp.func
-def blurred(
-    image: wp.array2d(dtype=wp.vec3),
-    world: wp.int32,
-    begin: wp.int32,
-    step: wp.int32,
-    count: wp.int32,
-    place: wp.int32,
-    sigma: wp.float32,
-) -> wp.vec3:
-    """Mean along a line of pixels, weighted by a Gaussian out to three standard deviations.
+BLUR_ROWS = 16  # of a column of numbers that a thread of a blur has, as in native/sensors/blur_images.h
 
-    Beyond its ends the line goes on as the pixels there.
+_IMAGES = {"mask": wp.array(dtype=wp.uint8), "width": wp.int32, "height": wp.int32}  # numbers across and down
+_NUMBERS, _IMAGE = wp.array(dtype=wp.float32), wp.array2d(dtype=wp.float32)  # (world,) and (world, 3 pixel)
 
-    Args:
-        image: (world, pixel).
-        world: Which.
-        begin: First pixel of the line.
-        step: From a pixel of the line to the next.
-        count: Pixels of the line.
-        place: Number of the pixel in the line.
-        sigma: Standard deviation [pixels]; more than MAX_SIGMA counts as that, and NaN as 0.
-    """
-    total = image[world, begin + place * step]
-    if not sigma > 0.0:
-        return total
-    spread = wp.min(sigma, wp.static(MAX_SIGMA))
-    ratio = wp.exp(-0.5 / (spread * spread))
-    growth = ratio * ratio
-    weight = wp.float32(1.0)
-    weights = wp.float32(1.0)
-    for distance in range(1, wp.int32(wp.ceil(3.0 * spread)) + 1):
-        weight *= ratio  # ratio^(distance^2), whose exponent grows by 1, 3, 5, ...
-        ratio *= growth
-        before = image[world, begin + wp.max(place - distance, 0) * step]
-        after = image[world, begin + wp.min(place + distance, count - 1) * step]
-        total += weight * (before + after)
-        weights += 2.0 * weight
-    return total / weights
-
-
-@wp.kernel(enable_backward=False)
-def blur_lines(
-    mask: wp.array(dtype=wp.uint8),
-    sigma: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    is_down: wp.int32,
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
-    first: wp.int32,
-):
-    """Blur along the rows of an image, or down its columns."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] == wp.uint8(0):
-        return
-    row, column = row_and_column(pixel, width)
-    if is_down != 0:
-        target[world, pixel] = blurred(source, world, column, width, source.shape[1] // width, row, sigma[world])
-    else:
-        target[world, pixel] = blurred(source, world, row * width, 1, width, column, sigma[world])
-
-
-@wp.kernel(enable_backward=False)
-def sharpen(
-    mask: wp.array(dtype=wp.uint8),
-    amount: wp.array(dtype=wp.float32),
-    sigma: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    rows: wp.array2d(dtype=wp.vec3),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
-    first: wp.int32,
-):
-    """Add what a blur takes; ``rows`` is the image blurred along its rows."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
-    if mask[world] == wp.uint8(0):
-        return
-    row, column = row_and_column(pixel, width)
-    value = source[world, pixel]
-    detail = value - blurred(rows, world, column, width, source.shape[1] // width, row, sigma[world])
-    target[world, pixel] = value + amount[world] * detail
+blur_rows = make_kernel(
+    "blur_rows",
+    "warpcam::blur_rows(mask, width, height, sigma, source, rows, index);",
+    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
+blur = make_kernel(
+    "blur",
+    "warpcam::blur_image(mask, width, height, sigma, source, rows, target, index);",
+    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
+sharpen = make_kernel(
+    "sharpen",
+    "warpcam::sharpen_image(mask, width, height, amount, sigma, source, rows, target, index);",
+    {**_IMAGES, "amount": _NUMBERS, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    native_module("sensors/blur_images.h"),
+)
 
 
 @wp.func
@@ -117,27 +60,30 @@ def sample(
     return wp.lerp(above, under, below)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shift_channels(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     red: wp.array(dtype=wp.float32),
     blue: wp.array(dtype=wp.float32),
-    width: wp.int32,
-    height: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
     """Red and blue magnified about the middle of the image."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, width)
-    middle = wp.vec2(0.5 * wp.float32(width - 1), 0.5 * wp.float32(height - 1))
-    away = wp.vec2(wp.float32(column), wp.float32(row)) - middle
-    of_red = middle + away / red[world]
-    of_blue = middle + away / blue[world]
-    value = source[world, pixel]
-    value[0] = sample(source, world, of_red[0], of_red[1], width, height)[0]
-    value[2] = sample(source, world, of_blue[0], of_blue[1], width, height)[2]
-    target[world, pixel] = value
+    middle = wp.vec2(0.5 * wp.float32(size[0] - 1), 0.5 * wp.float32(size[1] - 1))
+    of_red = red[world]
+    of_blue = blue[world]
+    away = wp.float32(column) - middle[0]
+    x_of_red = middle[0] + away / of_red
+    x_of_blue = middle[0] + away / of_blue
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        below = wp.float32(row) - middle[1]
+        value = source[world, pixel]
+        value[0] = sample(source, world, x_of_red, middle[1] + below / of_red, size[0], size[1])[0]
+        value[2] = sample(source, world, x_of_blue, middle[1] + below / of_blue, size[0], size[1])[2]
+        target[world, pixel] = value

@@ -3,8 +3,8 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
-from warpcam.sensors.kernels.tone import response
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.tone import joint_height, response
 from warpcam.sensors.kernels.vignetting import around_middle, falloff
 
 wp.set_module_options(compiler_flags())
@@ -18,8 +18,6 @@ class Optics:
     exposure_offset: wp.array(dtype=wp.float32)  # (world,) [EV]
     centers: wp.array2d(dtype=wp.float32)  # (world, 6) x and y of vignetting for red, green and blue
     coefficients: wp.array2d(dtype=wp.float32)  # (world, 9) three of vignetting for red, green and blue
-    width: wp.int32  # [pixels]
-    height: wp.int32
 
 
 @wp.func
@@ -60,9 +58,10 @@ def find_homographies(latents: wp.array2d(dtype=wp.float32), homographies: wp.ar
     homographies[world] = wp.matrix_from_cols(by_red, by_green, image_of_blue)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def process(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     optics: Optics,
     homographies: wp.array(dtype=wp.mat33),
     shapes: wp.array2d(dtype=wp.vec4),
@@ -70,23 +69,35 @@ def process(
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    light = optics.responsivity[world] * wp.pow(2.0, optics.exposure_offset[world]) * source[world, pixel]
-    place = around_middle(pixel, optics.width, optics.height)
+    exposure = optics.responsivity[world] * wp.pow(2.0, optics.exposure_offset[world])
+    homography = homographies[world]
+    red = shapes[world, 0]
+    green = shapes[world, 1]
+    blue = shapes[world, 2]
+    heights = wp.vec3(joint_height(red), joint_height(green), joint_height(blue))
+    x = around_middle(column, size[0], size)
+    right = wp.vec3(x - optics.centers[world, 0], x - optics.centers[world, 2], x - optics.centers[world, 4])
+    middles = wp.vec3(optics.centers[world, 1], optics.centers[world, 3], optics.centers[world, 5])
+    coefficients = wp.mat33()
     for k in range(3):
-        away = place - wp.vec2(optics.centers[world, 2 * k], optics.centers[world, 2 * k + 1])
-        of_channel = wp.vec3(
-            optics.coefficients[world, 3 * k],
-            optics.coefficients[world, 3 * k + 1],
-            optics.coefficients[world, 3 * k + 2],
+        for power in range(3):
+            coefficients[k, power] = optics.coefficients[world, 3 * k + power]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        light = exposure * source[world, pixel]
+        y = around_middle(row, size[1], size)
+        for k in range(3):
+            down = y - middles[k]
+            square = right[k] * right[k] + down * down
+            light[k] = light[k] * falloff(square, coefficients[k, 0], coefficients[k, 1], coefficients[k, 2])
+        total = light[0] + light[1] + light[2]
+        image = homography * wp.vec3(light[0], light[1], total)
+        image = image * (total / (image[2] + 1.0e-5))
+        target[world, pixel] = wp.vec3(
+            response(image[0], red, heights[0]),
+            response(image[1], green, heights[1]),
+            response(image[2] - image[0] - image[1], blue, heights[2]),
         )
-        light[k] = light[k] * falloff(wp.dot(away, away), of_channel[0], of_channel[1], of_channel[2])
-    total = light[0] + light[1] + light[2]
-    image = homographies[world] * wp.vec3(light[0], light[1], total)
-    image = image * (total / (image[2] + 1.0e-5))
-    color = wp.vec3(image[0], image[1], image[2] - image[0] - image[1])
-    for k in range(3):
-        color[k] = response(color[k], shapes[world, k])
-    target[world, pixel] = color

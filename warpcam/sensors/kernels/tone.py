@@ -2,9 +2,10 @@
 
 import warp as wp
 
-from warpcam.core.color import encode_srgb
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.arithmetic import power, quotient
+from warpcam.sensors.kernels.curves import encode
 
 wp.set_module_options(compiler_flags())
 
@@ -29,94 +30,119 @@ def response_shape(toe: wp.float32, shoulder: wp.float32, gamma: wp.float32, cen
 
 
 @wp.func
-def response(light: wp.float32, shape: wp.vec4) -> wp.float32:
-    """Two powers that meet at the centre with one slope, to the power of gamma."""
+def joint_height(shape: wp.vec4) -> wp.float32:
+    """Value at which toe and shoulder meet with one slope, before gamma."""
+    toe, shoulder, center = shape[0], shape[1], shape[3]
+    return shoulder * center / (toe + (shoulder - toe) * center)
+
+
+@wp.func
+def response(light: wp.float32, shape: wp.vec4, height: wp.float32) -> wp.float32:
+    """Two powers that meet at the centre, at that height, to the power of gamma."""
     bounded = wp.clamp(light, 0.0, 1.0)
     toe, shoulder, gamma, center = shape[0], shape[1], shape[2], shape[3]
-    height = shoulder * center / (toe + (shoulder - toe) * center)
-    value = height * wp.pow(bounded / center, toe)
+    value = height * power(quotient(bounded, center), toe)
     if bounded > center:
-        value = 1.0 - (1.0 - height) * wp.pow((1.0 - bounded) / (1.0 - center), shoulder)
-    return wp.pow(wp.max(value, 0.0), gamma)
+        value = 1.0 - (1.0 - height) * power(quotient(1.0 - bounded, 1.0 - center), shoulder)
+    return power(wp.max(value, 0.0), gamma)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def apply_srgb(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    value = source[world, pixel]
-    for k in range(3):
-        value[k] = encode_srgb(wp.clamp(value[k], 0.0, 1.0))
-    target[world, pixel] = value
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        for k in range(3):
+            value[k] = encode(value[k])
+        target[world, pixel] = value
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def apply_gamma(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     gamma: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    value = source[world, pixel]
-    for k in range(3):
-        value[k] = wp.pow(wp.clamp(value[k], 0.0, 1.0), 1.0 / gamma[world])
-    target[world, pixel] = value
+    exponent = 1.0 / gamma[world]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        for k in range(3):
+            value[k] = power(wp.clamp(value[k], 0.0, 1.0), exponent)
+        target[world, pixel] = value
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def apply_points(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     points: wp.array(dtype=wp.vec2),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
     """Straight lines between points; the first and the last go on as they are."""
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    value = source[world, pixel]
-    for k in range(3):
-        low = wp.int32(0)
-        high = wp.int32(points.shape[0] - 1)
-        while high - low > 1:
-            middle = (low + high) // 2
-            if points[middle][0] <= value[k]:
-                low = middle
-            else:
-                high = middle
-        begin = points[low]
-        end = points[high]
-        share = wp.clamp((value[k] - begin[0]) / (end[0] - begin[0]), 0.0, 1.0)
-        value[k] = wp.lerp(begin[1], end[1], share)
-    target[world, pixel] = value
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        for k in range(3):
+            low = wp.int32(0)
+            high = wp.int32(points.shape[0] - 1)
+            while high - low > 1:
+                middle = (low + high) // 2
+                if points[middle][0] <= value[k]:
+                    low = middle
+                else:
+                    high = middle
+            begin = points[low]
+            end = points[high]
+            share = wp.clamp((value[k] - begin[0]) / (end[0] - begin[0]), 0.0, 1.0)
+            value[k] = wp.lerp(begin[1], end[1], share)
+        target[world, pixel] = value
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def apply_response(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     shapes: wp.array2d(dtype=wp.vec4),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    value = source[world, pixel]
-    for k in range(3):
-        value[k] = response(value[k], shapes[world, k])
-    target[world, pixel] = value
+    red = shapes[world, 0]
+    green = shapes[world, 1]
+    blue = shapes[world, 2]
+    heights = wp.vec3(joint_height(red), joint_height(green), joint_height(blue))
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        target[world, pixel] = wp.vec3(
+            response(value[0], red, heights[0]),
+            response(value[1], green, heights[1]),
+            response(value[2], blue, heights[2]),
+        )
 
 
 @wp.kernel(enable_backward=False)
@@ -133,19 +159,26 @@ def find_shapes(
         shapes[world, k] = response_shape(toe[world, k], shoulder[world, k], gamma[world, k], center[world, k])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def quantize(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
+    is_linear: wp.int32,
     bits: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     highest = greatest_number(bits[world])
-    value = source[world, pixel]
-    for k in range(3):
-        value[k] = wp.floor(wp.clamp(value[k], 0.0, 1.0) * highest + 0.5) / highest
-    target[world, pixel] = value
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        value = source[world, pixel]
+        for k in range(3):
+            display = wp.clamp(value[k], 0.0, 1.0)
+            if is_linear != 0:
+                display = encode(display)
+            value[k] = quotient(wp.floor(display * highest + 0.5), highest)
+        target[world, pixel] = value

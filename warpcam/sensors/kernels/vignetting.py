@@ -3,21 +3,18 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
+from warpcam.sensors.kernels.arithmetic import quotient
 
 wp.set_module_options(compiler_flags())
 
 
 @wp.func
-def around_middle(pixel: wp.int32, width: wp.int32, height: wp.int32) -> wp.vec2:
-    """Place of a pixel's middle from the middle of the image, right and down; the longer side is 1."""
-    row, column = row_and_column(pixel, width)
-    longer = wp.float32(wp.max(width, height))
-    return (
-        wp.vec2(wp.float32(column) + 0.5 - 0.5 * wp.float32(width), wp.float32(row) + 0.5 - 0.5 * wp.float32(height))
-        / longer
-    )
+def around_middle(index: wp.int32, count: wp.int32, size: wp.vec2i) -> wp.float32:
+    """Place of the middle of a row, or a column, of so many from the middle of the image; the longer side is 1."""
+    longer = wp.float32(wp.max(size[0], size[1]))
+    return quotient(wp.float32(index) + 0.5 - 0.5 * wp.float32(count), longer)
 
 
 @wp.func
@@ -26,42 +23,49 @@ def falloff(square: wp.float32, first: wp.float32, second: wp.float32, third: wp
     return wp.clamp(1.0 + square * (first + square * (second + square * third)), 0.0, 1.0)
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def darken_naturally(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     views: wp.array(dtype=View),
     strength: wp.array(dtype=wp.float32),
-    width: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    row, column = row_and_column(pixel, width)
     view = views[world]
+    amount = strength[world]
     x = (wp.float32(column) + 0.5 - view.center[0]) * view.scale[0]
-    y = (wp.float32(row) + 0.5 - view.center[1]) * view.scale[1]
-    squared_cosine = 1.0 / (1.0 + x * x + y * y)
-    factor = 1.0 + strength[world] * (squared_cosine * squared_cosine - 1.0)
-    target[world, pixel] = factor * source[world, pixel]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        y = (wp.float32(row) + 0.5 - view.center[1]) * view.scale[1]
+        squared_cosine = quotient(1.0, 1.0 + x * x + y * y)
+        factor = 1.0 + amount * (squared_cosine * squared_cosine - 1.0)
+        target[world, pixel] = factor * source[world, pixel]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def darken_by_radius(
     mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
     coefficients: wp.array2d(dtype=wp.float32),
     center: wp.array2d(dtype=wp.float32),
-    width: wp.int32,
-    height: wp.int32,
     source: wp.array2d(dtype=wp.vec3),
     target: wp.array2d(dtype=wp.vec3),
     first: wp.int32,
 ):
-    world, pixel = row_and_column(first + wp.tid(), source.shape[1])
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    away = around_middle(pixel, width, height) - wp.vec2(center[world, 0], center[world, 1])
-    factor = falloff(wp.dot(away, away), coefficients[world, 0], coefficients[world, 1], coefficients[world, 2])
-    target[world, pixel] = factor * source[world, pixel]
+    x = around_middle(column, size[0], size) - center[world, 0]
+    middle = center[world, 1]
+    a = coefficients[world, 0]
+    b = coefficients[world, 1]
+    c = coefficients[world, 2]
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        y = around_middle(row, size[1], size) - middle
+        target[world, pixel] = falloff(x * x + y * y, a, b, c) * source[world, pixel]

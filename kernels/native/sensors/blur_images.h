@@ -1,0 +1,218 @@
+// Gaussian blur of images, whose colours are rows of numbers: all channels are treated alike, and threads that read
+// together read what is next to each other.
+#pragma once
+#include "core/vec3.h"
+
+namespace warpcam {
+
+constexpr int BLUR_ROWS = 16;  // of a column of numbers that a thread has
+constexpr int NEAR_PIXELS = 3;  // least radius that is not blurred across and down at once [pixels], less one
+constexpr float MAX_SIGMA = 10.0f;  // as in warpcam/sensors/kernels/neighborhoods.py
+
+// Weights out to three standard deviations: the middle has 1, the next pixel ratio, then ratio^4, ratio^9, ...
+struct BlurWeights {
+    int radius;  // [pixels]
+    float ratio;
+};
+
+WARPCAM_DEVICE BlurWeights blur_weights(float sigma)
+{
+    if (!(sigma > 0.0f))  // NaN, too
+        return { 0, 0.0f };
+    const float spread = min(sigma, MAX_SIGMA);
+    return { (int)wp::ceil(3.0f * spread), wp::exp(-0.5f / (spread * spread)) };
+}
+
+// Where a thread works: numbers of a column from a row on, and the numbers in its row of the first and the last pixel.
+struct BlurPlace {
+    int world, column, top, first, last;
+    size_t start;  // of the image
+};
+
+WARPCAM_DEVICE BlurPlace blur_place(int index, int width, int height)
+{
+    const int strip = index / width, column = index - strip * width, strips = (height + BLUR_ROWS - 1) / BLUR_ROWS;
+    const int world = strip / strips, first = column % 3;
+    return {
+        world, column, BLUR_ROWS * (strip - world * strips), first, width - 3 + first, size_t(world) * width * height
+    };
+}
+
+// Blurs along rows, which go on as the pixels at their ends, where that is not done across and down at once.
+template <class Mask, class Sigma, class Images> WARPCAM_DEVICE void blur_rows(const Mask& mask, int width, int height,
+                                                                               const Sigma& sigma, const Images& source,
+                                                                               const Images& target, int index)
+{
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+#endif
+    const BlurPlace place = blur_place(index, width, height);
+    if (!mask.data[place.world])
+        return;
+    const BlurWeights gaussian = blur_weights(sigma.data[place.world]);
+    if (gaussian.radius <= NEAR_PIXELS)
+        return;
+    const float* image = source.data + place.start;
+    float* out = target.data + place.start;
+    int rows[BLUR_ROWS];
+    float totals[BLUR_ROWS];
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k) {
+        rows[k] = min(place.top + k, height - 1) * width;
+        totals[k] = image[rows[k] + place.column];
+    }
+    float ratio = gaussian.ratio, weight = 1.0f, weights = 1.0f;
+    const float growth = ratio * ratio;
+    for (int distance = 1; distance <= gaussian.radius; ++distance) {
+        weight *= ratio;
+        ratio *= growth;
+        const int before = max(place.column - 3 * distance, place.first);
+        const int after = min(place.column + 3 * distance, place.last);
+#pragma unroll
+        for (int k = 0; k < BLUR_ROWS; ++k)
+            totals[k] += weight * (image[rows[k] + before] + image[rows[k] + after]);
+        weights += 2.0f * weight;
+    }
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k)
+        if (place.top + k < height)
+            out[rows[k] + place.column] = quotient(totals[k], weights, rcp(weights));
+}
+
+// Means down a column of blurred rows; a row is read once for all numbers of the thread.
+WARPCAM_DEVICE void blur_column(const float* rows, BlurPlace place, int width, int height, BlurWeights gaussian,
+                                float (&means)[BLUR_ROWS])
+{
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+#endif
+    float before[BLUR_ROWS], after[BLUR_ROWS];
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k)
+        means[k] = before[k] = after[k] = rows[min(place.top + k, height - 1) * width + place.column];
+    float ratio = gaussian.ratio, weight = 1.0f, weights = 1.0f;
+    const float growth = ratio * ratio;
+    for (int distance = 1; distance <= gaussian.radius; ++distance) {
+        weight *= ratio;
+        ratio *= growth;
+#pragma unroll
+        for (int k = 0; k < BLUR_ROWS - 1; ++k) {
+            before[BLUR_ROWS - 1 - k] = before[BLUR_ROWS - 2 - k];
+            after[k] = after[k + 1];
+        }
+        before[0] = rows[max(place.top - distance, 0) * width + place.column];
+        after[BLUR_ROWS - 1] = rows[min(place.top + BLUR_ROWS - 1 + distance, height - 1) * width + place.column];
+#pragma unroll
+        for (int k = 0; k < BLUR_ROWS; ++k)
+            means[k] += weight * (before[k] + after[k]);
+        weights += 2.0f * weight;
+    }
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k)
+        means[k] = quotient(means[k], weights, rcp(weights));
+}
+
+// Means across and down with a radius of at most NEAR_PIXELS: those along the rows are kept by the thread. INSIDE, no
+// pixel is beyond an end of its row, and a row's numbers are at fixed distances from one address.
+template <bool INSIDE> WARPCAM_DEVICE void blur_nearby(const float* image, BlurPlace place, int width, int height,
+                                                       BlurWeights gaussian, float (&means)[BLUR_ROWS])
+{
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+#endif
+    float weights[NEAR_PIXELS], ratio = gaussian.ratio, weight = 1.0f, sum = 1.0f;
+    const float growth = ratio * ratio;
+    int before[NEAR_PIXELS], after[NEAR_PIXELS];
+#pragma unroll
+    for (int k = 0; k < NEAR_PIXELS; ++k) {
+        weight *= ratio;
+        ratio *= growth;
+        weights[k] = weight;
+        sum += k < gaussian.radius ? 2.0f * weight : 0.0f;
+        const int distance = 3 * (k + 1);
+        before[k] = INSIDE ? -distance : max(-distance, place.first - place.column);
+        after[k] = INSIDE ? distance : min(distance, place.last - place.column);
+    }
+    const float reciprocal = rcp(sum);
+    constexpr int ROWS = BLUR_ROWS + 2 * NEAR_PIXELS;
+    float across[ROWS];
+#pragma unroll
+    for (int row = 0; row < ROWS; ++row) {
+        const float* middle = image + (max(min(place.top + row - NEAR_PIXELS, height - 1), 0) * width + place.column);
+        float total = middle[0];
+#pragma unroll
+        for (int k = 0; k < NEAR_PIXELS; ++k)
+            if (k < gaussian.radius)
+                total += weights[k] * (middle[before[k]] + middle[after[k]]);
+        across[row] = quotient(total, sum, reciprocal);
+    }
+#pragma unroll
+    for (int row = 0; row < BLUR_ROWS; ++row) {
+        const int middle = row + NEAR_PIXELS;
+        float total = across[middle];
+#pragma unroll
+        for (int k = 0; k < NEAR_PIXELS; ++k)
+            if (k < gaussian.radius)
+                total += weights[k] * (across[middle - 1 - k] + across[middle + 1 + k]);
+        means[row] = quotient(total, sum, reciprocal);
+    }
+}
+
+// Means of an image whose rows blur_rows blurred where that is not done at once.
+WARPCAM_DEVICE void blur_numbers(const float* image, const float* rows, BlurPlace place, int width, int height,
+                                 float sigma, float (&means)[BLUR_ROWS])
+{
+    const BlurWeights gaussian = blur_weights(sigma);
+    const int reach = 3 * NEAR_PIXELS;
+    if (gaussian.radius > NEAR_PIXELS)
+        blur_column(rows, place, width, height, gaussian, means);
+    else if (place.column >= reach && place.column < width - reach)
+        blur_nearby<true>(image, place, width, height, gaussian, means);
+    else
+        blur_nearby<false>(image, place, width, height, gaussian, means);
+}
+
+// Blurs an image; of those that blur_rows wrote, the columns.
+template <class Mask, class Sigma, class Images>
+WARPCAM_DEVICE void blur_image(const Mask& mask, int width, int height, const Sigma& sigma, const Images& source,
+                               const Images& rows, const Images& target, int index)
+{
+    const BlurPlace place = blur_place(index, width, height);
+    if (!mask.data[place.world])
+        return;
+    const float *image = source.data + place.start, *blurred = rows.data + place.start;
+    float means[BLUR_ROWS];
+    blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
+    float* out = target.data + place.start;
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k)
+        if (place.top + k < height)
+            out[(place.top + k) * width + place.column] = means[k];
+}
+
+// Adds an amount of what blur_image would take from an image.
+template <class Mask, class Numbers, class Images>
+WARPCAM_DEVICE void sharpen_image(const Mask& mask, int width, int height, const Numbers& amount, const Numbers& sigma,
+                                  const Images& source, const Images& rows, const Images& target, int index)
+{
+#if !defined(__CUDA_ARCH__)
+#pragma clang fp contract(off)
+#endif
+    const BlurPlace place = blur_place(index, width, height);
+    if (!mask.data[place.world])
+        return;
+    const float gain = amount.data[place.world];
+    const float *image = source.data + place.start, *blurred = rows.data + place.start;
+    float means[BLUR_ROWS];
+    blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
+    float* out = target.data + place.start;
+#pragma unroll
+    for (int k = 0; k < BLUR_ROWS; ++k) {
+        if (place.top + k < height) {
+            const int number = (place.top + k) * width + place.column;
+            out[number] = image[number] + gain * (image[number] - means[k]);
+        }
+    }
+}
+
+}  // namespace warpcam
