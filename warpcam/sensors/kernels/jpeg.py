@@ -46,7 +46,7 @@ def find_steps(
 
 
 def _coder(image: str, scale: int, colors: str) -> wp.Kernel:
-    """Kernel of native/sensors/jpeg_blocks.h for chroma that is ``scale`` times smaller; a block has a thread, or LANES."""
+    """Kernel of native/sensors/jpeg_blocks.h for chroma that is ``scale`` times smaller: a thread a block, or LANES."""
     return make_kernel(
         f"code_{image}_{scale}",
         f"warpcam::code_jpeg_{image}<{scale}>(mask, image, {colors}, index);",
