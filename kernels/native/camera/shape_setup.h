@@ -274,9 +274,9 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE Visible setup_shape(const Shape& shape, cons
 {
     BoundsAndScale form;
     const Visible found = find_form<Types>(shape, meshes, fields, form, record);
-    return found == SEEN ? place<Types, LENS, BOXES>(shape, form, camera, region, record, tiles, tile_width,
-                                                     tile_height)
-                         : found;
+    return found == SEEN
+               ? place<Types, LENS, BOXES>(shape, form, camera, region, record, tiles, tile_width, tile_height)
+               : found;
 }
 
 }  // namespace warpcam
