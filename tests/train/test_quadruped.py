@@ -1,4 +1,4 @@
-"""Quadruped: a trot follows a command better than random actions, falls end episodes, and depth is measured."""
+"""Quadruped: a trot gets more than random actions, falls end episodes, and depth is measured."""
 
 import math
 

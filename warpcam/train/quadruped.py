@@ -82,7 +82,7 @@ def hills() -> np.ndarray:
     across = np.linspace(-HALF_SIZE, HALF_SIZE, SAMPLES)
     x, y = np.meshgrid(across, across)
     waves = ((1.0, 1.3, 0.4, 0.0), (1.0, -0.7, 1.5, 1.0), (0.6, 2.4, 2.1, 2.0), (0.4, -3.1, 2.6, 3.0))
-    heights = sum(size * np.sin(along * x + over * y + phase) for size, along, over, phase in waves)
+    heights = np.sum([size * np.sin(along * x + over * y + phase) for size, along, over, phase in waves], axis=0)
     return ((heights - heights.min()) / np.ptp(heights)).astype(np.float32)
 
 
