@@ -14,9 +14,9 @@ class ShotNoise(Effect):
     """Photon shot noise: a pixel's electrons are a Poisson number whose mean is its light.
 
     Light L becomes N / electrons with N ~ Poisson(L * electrons), so its variance is L / electrons. Channels of a
-    pixel are independent. The distribution is exact to 1e-6 below a mean of 32 electrons; from there on it is a
-    normal number with the mean, variance and skewness of Poisson's, rounded, whose distribution function is off by
-    less than 5e-4.
+    pixel are independent. The distribution is exact to 1e-6 below a mean of 4 electrons; from there on it is the
+    expansion of Giles, "Algorithm 955" (ACM TOMS 42(1), 2016), to 1 / mean, whose distribution function is off by less
+    than 4e-4.
 
     Attributes:
         electrons: Electrons that white light, 1, gives in a pixel [e-]; a number or (world,).
