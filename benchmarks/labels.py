@@ -6,7 +6,6 @@ with 17 keypoints in addition.
 """
 
 import argparse
-import gc
 import json
 from typing import Any
 
@@ -72,12 +71,7 @@ class Costs:
         return wc.Renderer(self._scene, [wc.Camera(name, width=size, height=size, outputs=outputs, shadows=shadows)])
 
     def _median(self, frame: Any) -> float:
-        gc.collect()
-        with measure.on_one_stream(self._device):
-            self._problem.place(0)
-            frame()
-            times = measure.time_frames(frame, self._problem.place, problem.POSE_SETS, self._device, None)
-        return float(times["median"])
+        return measure.median_of(frame, self._problem.place, problem.POSE_SETS, self._device)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import functools
+import gc
 import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -100,6 +101,15 @@ def time_frames(
         "frames": len(times),
         **spent,
     }
+
+
+def median_of(frame: Callable[[], None], place: Callable[[int], None], sets: int, device: wp.Device) -> float:
+    """Median of a frame's times, of frames after the first [ms]; arguments as of ``time_frames``."""
+    gc.collect()
+    with on_one_stream(device):
+        place(0)
+        frame()
+        return float(time_frames(frame, place, sets, device, None)["median"])
 
 
 def time_calls(

@@ -8,7 +8,6 @@ one of its rig. One on colours comes after a gain, so that the way from bytes to
 
 import argparse
 import functools
-import gc
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -103,12 +102,7 @@ class Costs:
         return wc.Renderer(self._scene, [camera])
 
     def _median(self, frame: Any) -> float:
-        gc.collect()
-        with measure.on_one_stream(self._device):
-            self._problem.place(0)
-            frame()
-            times = measure.time_frames(frame, self._problem.place, problem.POSE_SETS, self._device, None)
-        return float(times["median"])
+        return measure.median_of(frame, self._problem.place, problem.POSE_SETS, self._device)
 
 
 def main(arguments: list[str] | None = None) -> None:
