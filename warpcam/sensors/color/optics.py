@@ -27,11 +27,12 @@ class NaturalVignetting(Effect):
     strength: Any = parameter(1.0, low=0.0, high=1.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     needs_pinhole = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.views, frame.params.strength, frame.source, frame.target]
-        return [frame.per_strip(darken_naturally, inputs)]
+        return [frame.per_color_strip(darken_naturally, [frame.views, frame.params.strength])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +51,11 @@ class Vignetting(Effect):
     center: Any = parameter((0.0, 0.0), width=(2,))
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        parameters = [frame.params.coefficients, frame.params.center]
-        inputs = [frame.mask, frame.size, *parameters, frame.source, frame.target]
-        return [frame.per_strip(darken_by_radius, inputs)]
+        return [frame.per_color_strip(darken_by_radius, [frame.params.coefficients, frame.params.center])]
 
 
 @dataclass(frozen=True, eq=False)
