@@ -215,6 +215,8 @@ CHAINS: list[tuple[sensors.Effect, ...]] = [
     (sensors.Quantization(3.0),),
     (sensors.Gain(1.2), sensors.ToneCurve()),
     (sensors.Sharpening(0.5), sensors.Quantization(5.0)),
+    (sensors.Gain(1.2), sensors.Sharpening(0.5)),
+    (sensors.Blur(0.6), sensors.Sharpening(0.5)),
 ]
 
 

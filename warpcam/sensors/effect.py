@@ -55,7 +55,8 @@ class Effect:
         reads_bytes: An effect on colours that reads ``EffectFrame.color_source``, which has the renderer's bytes if it
             is the first; others get linear light of them.
         writes_bytes: An effect on colours that writes ``EffectFrame.color_target``, which has the bytes of the result
-            if it is the last; colours of others are made bytes.
+            if it is the last, or takes light through the sRGB curve where display values are to follow; colours of
+            others go through a pass of their own.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """
@@ -100,7 +101,8 @@ class EffectFrame:
         worlds: Which worlds of the scene the arrays have.
         pinhole: Rays of pixels follow from ``views``, from one point.
         is_linear: Colours of ``source`` are linear light.
-        gives_light: Colours of ``target`` are linear light.
+        gives_light: Colours that the effect gives are linear light.
+        through_srgb: ``color_target`` takes numbers through the sRGB curve.
     """
 
     source: wp.array
@@ -120,6 +122,7 @@ class EffectFrame:
     pinhole: bool = False
     is_linear: bool = False
     gives_light: bool = False
+    through_srgb: bool = False
 
     @property
     def color_source(self) -> Any:
@@ -129,7 +132,7 @@ class EffectFrame:
     @property
     def color_target(self) -> Any:
         """``target`` as a ``ColorTarget``; an alpha is that of the truth."""
-        return color_target(self.target, self.truth, self.gives_light)
+        return color_target(self.target, self.truth, self.gives_light, self.through_srgb)
 
     @property
     def size(self) -> wp.vec2i:

@@ -210,11 +210,14 @@ class Measurement:
             return []
         source = next(name for name in ("hdr", "rgb", "rgba") if name in self._truth)
         steps: list[Step] = []
-        for number in colors:
+        for place, number in enumerate(colors):
             effect = self._effects[number]
             is_linear = self._ends_linear
             if effect.kind == "display" and is_linear and not effect.takes_light:
-                steps.append(Step(source, True, self._bind_srgb, reads_bytes=True))
+                if place == 0 or not self._effects[colors[place - 1]].writes_bytes:
+                    steps.append(Step(source, True, self._bind_srgb, reads_bytes=True))
+                else:  # the one before goes through the curve itself
+                    steps[-1] = self._step(colors[place - 1], source, True, True, through_srgb=True)
                 is_linear = False
             self._ends_linear &= effect.kind == "linear" and not effect.encodes
             steps.append(self._step(number, source, is_linear, self._ends_linear))
@@ -233,12 +236,21 @@ class Measurement:
         """The steps of a chain that do not write bytes of the result."""
         return steps[:-1] if self._stored and steps is self._chains[-1] else steps
 
-    def _step(self, number: int, source: str, is_linear: bool = False, gives_light: bool = False) -> Step:
+    def _step(
+        self,
+        number: int,
+        source: str,
+        is_linear: bool = False,
+        gives_light: bool = False,
+        *,
+        through_srgb: bool = False,
+    ) -> Step:
         effect = self._effects[number]
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
             frame = self._frame(number, source, target, truth, worlds, mask)
-            return effect.bind(dataclasses.replace(frame, is_linear=is_linear, gives_light=gives_light))
+            grades = {"is_linear": is_linear, "gives_light": gives_light, "through_srgb": through_srgb}
+            return effect.bind(dataclasses.replace(frame, **grades))
 
         return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes)
 

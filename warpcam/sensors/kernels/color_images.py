@@ -5,11 +5,12 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.sensors.kernels.curves import byte_table, encode_byte, light_table
+from warpcam.sensors.kernels.curves import byte_table, encode, encode_byte, light_table
 
 NUMBERS = wp.constant(0)
 LIGHT_BYTES = wp.constant(1)  # bytes of display colours, which come and go as linear light
 DISPLAY_BYTES = wp.constant(2)  # likewise, which come and go as display values
+DISPLAY_NUMBERS = wp.constant(3)  # display values of linear light
 
 
 @wp.struct
@@ -50,6 +51,8 @@ def set_color(target: ColorTarget, world: wp.int32, pixel: wp.int32, value: wp.v
     """Write numbers of a pixel, or their bytes."""
     if target.kind == NUMBERS:
         target.numbers[world, pixel] = value
+    elif target.kind == DISPLAY_NUMBERS:
+        target.numbers[world, pixel] = wp.vec3(encode(value[0]), encode(value[1]), encode(value[2]))
     else:
         for k in range(3):
             byte = wp.int32(0)
@@ -72,13 +75,14 @@ def color_source(image: wp.array) -> Any:
     return source
 
 
-def color_target(image: wp.array, truth: Mapping[str, wp.array], is_linear: bool) -> Any:
+def color_target(image: wp.array, truth: Mapping[str, wp.array], is_linear: bool, through_srgb: bool = False) -> Any:
     """``ColorTarget`` of numbers or bytes, likewise.
 
     Args:
         image: Where colours are written to.
         truth: Rendered outputs by name; alpha of bytes with four channels is that of "rgba".
         is_linear: Bytes are made of linear light.
+        through_srgb: Numbers are made of linear light, too.
     """
     target = ColorTarget()
     if image.dtype is wp.uint8:
@@ -86,5 +90,5 @@ def color_target(image: wp.array, truth: Mapping[str, wp.array], is_linear: bool
         target.truth = truth["rgba"].reshape(image.shape) if image.shape[2] == 4 else image
         target.bytes_of_light = byte_table(image.device)
     else:
-        target.numbers = image
+        target.kind, target.numbers = int(DISPLAY_NUMBERS if through_srgb else NUMBERS), image
     return target
