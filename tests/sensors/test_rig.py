@@ -217,6 +217,10 @@ CHAINS: list[tuple[sensors.Effect, ...]] = [
     (sensors.Sharpening(0.5), sensors.Quantization(5.0)),
     (sensors.Gain(1.2), sensors.Sharpening(0.5)),
     (sensors.Blur(0.6), sensors.Sharpening(0.5)),
+    (sensors.Gain(1.2), sensors.Blur(1.4)),
+    (sensors.ChromaticAberration(1.1, 0.9),),
+    (sensors.BayerMosaic(),),
+    (sensors.JpegArtifacts(40.0),),
 ]
 
 

@@ -55,8 +55,8 @@ class Effect:
         reads_bytes: An effect on colours that reads ``EffectFrame.color_source``, which has the renderer's bytes if it
             is the first; others get linear light of them.
         writes_bytes: An effect on colours that writes ``EffectFrame.color_target``, which has the bytes of the result
-            if it is the last, or takes light through the sRGB curve where display values are to follow; colours of
-            others go through a pass of their own.
+            if it is the last. One that reads bytes, too, takes light through the sRGB curve there where display values
+            are to follow. Colours of others go through a pass of their own.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """

@@ -214,7 +214,8 @@ class Measurement:
             effect = self._effects[number]
             is_linear = self._ends_linear
             if effect.kind == "display" and is_linear and not effect.takes_light:
-                if place == 0 or not self._effects[colors[place - 1]].writes_bytes:
+                before = self._effects[colors[place - 1]]
+                if place == 0 or not (before.reads_bytes and before.writes_bytes):
                     steps.append(Step(source, True, self._bind_srgb, reads_bytes=True))
                 else:  # the one before goes through the curve itself
                     steps[-1] = self._step(colors[place - 1], source, True, True, through_srgb=True)
@@ -249,8 +250,8 @@ class Measurement:
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
             frame = self._frame(number, source, target, truth, worlds, mask)
-            grades = {"is_linear": is_linear, "gives_light": gives_light, "through_srgb": through_srgb}
-            return effect.bind(dataclasses.replace(frame, **grades))
+            frame = dataclasses.replace(frame, is_linear=is_linear, gives_light=gives_light)
+            return effect.bind(dataclasses.replace(frame, through_srgb=through_srgb))
 
         return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes)
 

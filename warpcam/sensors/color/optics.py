@@ -75,9 +75,10 @@ class ChromaticAberration(Effect):
 
     kind = "linear"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.target]
+        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.color_target]
         return [frame.per_strip(shift_channels, inputs)]
 
 
@@ -93,6 +94,7 @@ class Blur(Effect):
 
     kind = "linear"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         return bind_blur(frame, blur, [frame.params.sigma])
@@ -112,6 +114,7 @@ class Sharpening(Effect):
 
     kind = "display"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         return bind_blur(frame, sharpen, [frame.params.amount, frame.params.sigma])
@@ -120,10 +123,10 @@ class Sharpening(Effect):
 def bind_blur(frame: EffectFrame, kernel: wp.Kernel, parameters: Sequence[wp.array]) -> Sequence[Stage]:
     """Bind the blur along rows, which narrow blurs do without, and a kernel that finishes it; the last is sigma."""
     worlds, width, height = len(frame.worlds), 3 * frame.width, frame.height
-    images = [frame.source, wp.empty_like(frame.source), frame.target]
-    source, rows, target = (shared(image, (worlds, width * height), wp.float32) for image in images)
+    images = [frame.source, wp.empty_like(frame.source)]
+    source, rows = (shared(image, (worlds, width * height), wp.float32) for image in images)
     threads, common = worlds * width * -(-height // BLUR_ROWS), [frame.mask, width, height]
     return [
         bind_launch(blur_rows, threads, [*common, parameters[-1], source, rows], frame.device),
-        bind_launch(kernel, threads, [*common, *parameters, source, rows, target], frame.device),
+        bind_launch(kernel, threads, [*common, *parameters, source, rows, frame.color_target], frame.device),
     ]
