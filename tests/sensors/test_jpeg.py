@@ -51,6 +51,33 @@ def test_chroma_of_half_resolution_is_as_good_as_that_of_libjpeg(quality: int, d
     assert psnr(found @ luma, expected @ luma) > 40.0
 
 
+def doubled(chroma: np.ndarray, axis: int) -> np.ndarray:
+    """Numbers at the middles of both halves of each, on lines between neighbours; the ends go on as they are."""
+    padded = np.concatenate([chroma.take([0], axis), chroma, chroma.take([-1], axis)], axis)
+    places = np.arange(2 * chroma.shape[axis]) / 2.0 + 0.75  # of the padded numbers
+    low = places.astype(int)
+    share = np.expand_dims(places - low, tuple(range(1, chroma.ndim - axis)))
+    return (1.0 - share) * padded.take(low, axis) + share * padded.take(low + 1, axis)
+
+
+@pytest.mark.parametrize("shape", [(24, 40), (21, 35)])
+def test_chroma_of_half_resolution_is_interpolated(shape: tuple[int, int], device: wp.Device) -> None:
+    """Chroma that differs from pair to pair of rows and columns comes back on lines across and down, as of libjpeg."""
+    height, width = shape
+    half = np.random.default_rng(5).uniform(-40.0, 40.0, (-(-height // 2), -(-width // 2), 2))
+    to_blue, to_red = np.moveaxis(half.repeat(2, 0).repeat(2, 1)[:height, :width], 2, 0)
+    grey = np.full(shape, 128.0)
+    rgb = np.stack([grey + 1.402 * to_red, grey - 0.344136 * to_blue - 0.714136 * to_red, grey + 1.772 * to_blue], -1)
+    image = (np.rint(rgb) / 255.0).astype(np.float32)
+    expected = doubled(doubled(half, 0), 1)[:height, :width]
+    found = measured(sensors.JpegArtifacts(100, "4:2:0"), image[None], device)[0]
+    for decoded in (found, coded_by_pillow(image, 100, "4:2:0")):
+        red, green, blue = np.moveaxis(255.0 * decoded, 2, 0)
+        luma = 0.299 * red + 0.587 * green + 0.114 * blue
+        chroma = np.stack([(blue - luma) / 1.772, (red - luma) / 1.402], -1)
+        assert np.abs(chroma - expected).max() < 3.0
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (7, 9), (17, 33)])
 @pytest.mark.parametrize("subsampling", ["4:4:4", "4:2:0"])
 def test_images_end_within_blocks(shape: tuple[int, int], subsampling: Any, device: wp.Device) -> None:

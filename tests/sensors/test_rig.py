@@ -209,6 +209,42 @@ def test_what_an_effect_keeps_is_forgotten_at_a_reset(device: wp.Device) -> None
     assert memory["sums"].numpy().tolist() == [0.0, 0.0, 0.0] and rig.frames.tolist() == [3, 3, 3]
 
 
+CHAINS: list[tuple[sensors.Effect, ...]] = [
+    (sensors.Gain(1.3),),
+    (sensors.Gain(0.7), sensors.Blur(0.6), sensors.Exposure(0.5)),
+    (sensors.Quantization(3.0),),
+    (sensors.Gain(1.2), sensors.ToneCurve()),
+    (sensors.Sharpening(0.5), sensors.Quantization(5.0)),
+    (sensors.Gain(1.2), sensors.Sharpening(0.5)),
+    (sensors.Blur(0.6), sensors.Sharpening(0.5)),
+    (sensors.Gain(1.2), sensors.Blur(1.4)),
+    (sensors.ChromaticAberration(1.1, 0.9),),
+    (sensors.BayerMosaic(),),
+    (sensors.JpegArtifacts(40.0),),
+]
+
+
+@pytest.mark.parametrize("output", ["rgb", "rgba"])
+@pytest.mark.parametrize("chain", CHAINS, ids=lambda chain: "-".join(type(effect).__name__ for effect in chain))
+def test_effects_read_and_write_bytes_as_light(chain: Any, output: str, device: wp.Device) -> None:
+    """A chain that begins and ends with bytes has the images of one between effects that take numbers."""
+    ends = Gains() if rig_of(device, *chain)._measurements["top"]._ends_linear else Tint()
+    images = []
+    for effects in (chain, (Gains(), *chain, ends)):
+        rig = rig_of(device, *effects, outputs=(output,))
+        rig.read()
+        images.append(rig.read(worlds=[0, 2])["top"][output].cpu().numpy())
+    assert (images[0] == images[1]).all() and (images[0] != 0).any()
+    if output == "rgba":
+        assert (images[0][..., 3] == rig.renderer.images["top"]["rgba"].cpu().numpy()[..., 3]).all()
+
+
+def test_one_effect_of_bytes_needs_no_image_of_numbers(device: wp.Device) -> None:
+    for outputs, count in ((("rgb",), 0), (("rgb", "rgba"), 1)):
+        rig = rig_of(device, sensors.Gain(1.3), outputs=outputs)
+        assert [len(buffers) for buffers in rig._measurements["top"]._buffers] == [count]
+
+
 @pytest.mark.parametrize("outputs", [("rgb", "rgba"), ("rgb", "rgba", "hdr")])
 def test_colors_go_through_linear_light(device: wp.Device, outputs: tuple[str, ...]) -> None:
     rig = rig_of(device, Gains((0.5, 1.0, 0.0)), outputs=outputs)

@@ -15,6 +15,7 @@ from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.sensors.kernels.color_images import color_source, color_target
 from warpcam.sensors.kernels.random import Randomness
 
 Kind = Literal["depth", "linear", "display", "delivery"]
@@ -51,6 +52,11 @@ class Effect:
         encodes: It takes linear light and gives display colours, in place of the sRGB curve.
         takes_light: An effect on display colours that encodes linear light itself, by the sRGB curve, where
             ``EffectFrame.is_linear`` is true; others get display colours.
+        reads_bytes: An effect on colours that reads ``EffectFrame.color_source``, which has the renderer's bytes if it
+            is the first; others get linear light of them.
+        writes_bytes: An effect on colours that writes ``EffectFrame.color_target``, which has the bytes of the result
+            if it is the last. One that reads bytes, too, takes light through the sRGB curve there where display values
+            are to follow. Colours of others go through a pass of their own.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """
@@ -60,6 +66,8 @@ class Effect:
     in_place: ClassVar[bool] = True
     encodes: ClassVar[bool] = False
     takes_light: ClassVar[bool] = False
+    reads_bytes: ClassVar[bool] = False
+    writes_bytes: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
     timed: ClassVar[bool] = False
 
@@ -76,7 +84,8 @@ class EffectFrame:
     """Arrays of one camera for one effect, of some worlds one after another.
 
     Attributes:
-        source: The image before: (world, pixel) float32 or vec3, pixels row by row from the top.
+        source: The image before: (world, pixel) float32 or vec3, pixels row by row from the top; perhaps
+            (world, pixel, channel) uint8 of an effect that reads bytes.
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
         truth: Outputs by name as they were rendered, (world, height, width, channels), also those of a stereo camera.
         views: (world,) ``View``: pose and lens as the trace had them.
@@ -92,6 +101,8 @@ class EffectFrame:
         worlds: Which worlds of the scene the arrays have.
         pinhole: Rays of pixels follow from ``views``, from one point.
         is_linear: Colours of ``source`` are linear light.
+        gives_light: Colours that the effect gives are linear light.
+        through_srgb: ``color_target`` takes numbers through the sRGB curve.
     """
 
     source: wp.array
@@ -110,6 +121,18 @@ class EffectFrame:
     worlds: range
     pinhole: bool = False
     is_linear: bool = False
+    gives_light: bool = False
+    through_srgb: bool = False
+
+    @property
+    def color_source(self) -> Any:
+        """``source`` as a ``ColorSource``."""
+        return color_source(self.source)
+
+    @property
+    def color_target(self) -> Any:
+        """``target`` as a ``ColorTarget``; an alpha is that of the truth."""
+        return color_target(self.target, self.truth, self.gives_light, self.through_srgb)
 
     @property
     def size(self) -> wp.vec2i:
@@ -123,6 +146,10 @@ class EffectFrame:
     def per_strip(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each strip of each world, which ``strip_of`` finds for the thread's index."""
         return bind_launch(kernel, len(self.worlds) * strips_of(self.width, self.height), inputs, self.device)
+
+    def per_color_strip(self, kernel: wp.Kernel, parameters: Sequence[Any]) -> Stage:
+        """Bind such a kernel of mask, size, parameters, ``ColorSource`` and ``ColorTarget``."""
+        return self.per_strip(kernel, [self.mask, self.size, *parameters, self.color_source, self.color_target])
 
     def per_world(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each world."""

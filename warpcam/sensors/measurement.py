@@ -19,6 +19,7 @@ from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import curves
 from warpcam.sensors.kernels import images as kernels
+from warpcam.sensors.kernels.color_images import color_source, color_target
 from warpcam.sensors.kernels.random import Randomness
 from warpcam.sensors.kernels.tone import apply_srgb
 from warpcam.sensors.timing.clock import Clock
@@ -37,11 +38,15 @@ class Step:
         source: Output of the renderer that the chain begins with.
         in_place: It may write the image that it reads.
         bind: Gives its stages for source, target, truth, worlds and mask.
+        reads_bytes: It may read bytes of colours.
+        writes_bytes: It may write bytes of colours.
     """
 
     source: str
     in_place: bool
     bind: BindStep
+    reads_bytes: bool = False
+    writes_bytes: bool = False
 
 
 class Measurement:
@@ -109,12 +114,14 @@ class Measurement:
         stages: list[Stage] = []
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
             source = _as_rows(self._sources[steps[0].source][within])
-            for step, place in zip(steps, _places(steps), strict=True):
-                target = buffers[place][within]
+            targets = [buffers[place][within] for place in _places(self._buffered(steps))]
+            if self._stored and steps is self._chains[-1]:
+                targets.append(_as_rows(self._measured[self._stored][within]))
+            for step, target in zip(steps, targets, strict=True):
                 stages += step.bind(source, target, truth, worlds, mask)
                 source = target
         for name in ("rgb", "rgba"):
-            if name in self._measured:
+            if name in self._measured and name != self._stored:
                 images = [self._buffers[-1][0][within], _as_rows(truth[name]), _as_rows(self._measured[name][within])]
                 kernel = kernels.store_light if self._ends_linear else kernels.store_display
                 tables = [curves.byte_table(self._device)] if self._ends_linear else []
@@ -198,34 +205,55 @@ class Measurement:
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
         colors = [number for number, effect in enumerate(self._effects) if effect.kind in GRADES]
-        self._ends_linear = True
+        self._ends_linear, self._stored = True, ""
         if not colors:
             return []
         source = next(name for name in ("hdr", "rgb", "rgba") if name in self._truth)
-        steps = []
-        if source != "hdr":
-            light = curves.light_table(self._device)
-            steps.append(Step(source, False, self._bind_curve(kernels.decode_bytes, [light])))
-        elif self._renderer.scene.tables().physical is None:  # unbounded, but as a display takes it
-            steps.append(Step(source, True, self._bind_curve(kernels.decode_light, [])))
-        for number in colors:
+        steps: list[Step] = []
+        for place, number in enumerate(colors):
             effect = self._effects[number]
             is_linear = self._ends_linear
             if effect.kind == "display" and is_linear and not effect.takes_light:
-                steps.append(Step(source, True, self._bind_curve(apply_srgb, [])))
+                before = self._effects[colors[place - 1]]
+                if place == 0 or not (before.reads_bytes and before.writes_bytes):
+                    steps.append(Step(source, True, self._bind_srgb, reads_bytes=True))
+                else:  # the one before goes through the curve itself
+                    steps[-1] = self._step(colors[place - 1], source, True, True, through_srgb=True)
                 is_linear = False
             self._ends_linear &= effect.kind == "linear" and not effect.encodes
-            steps.append(self._step(number, source, is_linear))
+            steps.append(self._step(number, source, is_linear, self._ends_linear))
+        if source != "hdr":
+            if not steps[0].reads_bytes:
+                light = curves.light_table(self._device)
+                steps.insert(0, Step(source, False, self._bind_curve(kernels.decode_bytes, [light])))
+        elif self._renderer.scene.tables().physical is None:  # unbounded, but as a display takes it
+            steps.insert(0, Step(source, True, self._bind_curve(kernels.decode_light, [])))
+        results = [name for name in ("rgb", "rgba") if name in self._truth]
+        if steps[-1].writes_bytes and len(results) == 1:
+            self._stored = results[0]
         return steps
 
-    def _step(self, number: int, source: str, is_linear: bool = False) -> Step:
+    def _buffered(self, steps: Sequence[Step]) -> Sequence[Step]:
+        """The steps of a chain that do not write bytes of the result."""
+        return steps[:-1] if self._stored and steps is self._chains[-1] else steps
+
+    def _step(
+        self,
+        number: int,
+        source: str,
+        is_linear: bool = False,
+        gives_light: bool = False,
+        *,
+        through_srgb: bool = False,
+    ) -> Step:
         effect = self._effects[number]
 
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
             frame = self._frame(number, source, target, truth, worlds, mask)
-            return effect.bind(dataclasses.replace(frame, is_linear=is_linear))
+            frame = dataclasses.replace(frame, is_linear=is_linear, gives_light=gives_light)
+            return effect.bind(dataclasses.replace(frame, through_srgb=through_srgb))
 
-        return Step(source, effect.in_place, bind)
+        return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes)
 
     def _frame(
         self, number: int, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
@@ -255,6 +283,12 @@ class Measurement:
 
         return bind
 
+    def _bind_srgb(
+        self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
+    ) -> Sequence[Stage]:
+        images = [color_source(source), color_target(target, truth, False)]
+        return [self._per_strip(apply_srgb, worlds, [mask, self._size, *images])]
+
     def _per_strip(self, kernel: wp.Kernel, worlds: range, inputs: Sequence[Any]) -> Stage:
         return bind_launch(kernel, len(worlds) * strips_of(self.width, self.height), inputs, self._device)
 
@@ -263,17 +297,21 @@ class Measurement:
         return wp.vec2i(self.width, self.height)
 
     def _make_buffers(self, steps: Sequence[Step]) -> list[wp.array]:
-        """The measured image, and a second one where a step that is not the first looks at neighbours."""
+        """The measured image, and a second one where a step that is not the first looks at neighbours.
+
+        None for colours of which the only step writes bytes.
+        """
         dtype = wp.float32 if steps[0].source == "depth" else wp.vec3
         shape = (self._num_worlds, self.height * self.width)
-        return [wp.zeros(shape, dtype=dtype, device=self._device) for _ in range(1 + max(_places(steps)))]
+        count = 1 + max(_places(self._buffered(steps)), default=-1)
+        return [wp.zeros(shape, dtype=dtype, device=self._device) for _ in range(count)]
 
     def _make_images(self) -> dict[str, wp.array]:
         """Images that effects change."""
         measured = {}
-        for steps, (final, *_) in zip(self._chains, self._buffers, strict=True):
+        for steps, buffers in zip(self._chains, self._buffers, strict=True):
             if steps[0].source == "depth":
-                measured["depth"] = shared(final, (self._num_worlds, self.height, self.width, 1), wp.float32)
+                measured["depth"] = shared(buffers[0], (self._num_worlds, self.height, self.width, 1), wp.float32)
             else:
                 measured |= {name: wp.zeros_like(self._truth[name]) for name in ("rgb", "rgba") if name in self._truth}
         return measured

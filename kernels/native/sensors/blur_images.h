@@ -2,6 +2,7 @@
 // together read what is next to each other.
 #pragma once
 #include "core/vec3.h"
+#include "sensors/color_bytes.h"
 
 namespace warpcam {
 
@@ -173,9 +174,9 @@ WARPCAM_DEVICE void blur_numbers(const float* image, const float* rows, BlurPlac
 }
 
 // Blurs an image; of those that blur_rows wrote, the columns.
-template <class Mask, class Sigma, class Images>
+template <class Mask, class Sigma, class Images, class Target>
 WARPCAM_DEVICE void blur_image(const Mask& mask, int width, int height, const Sigma& sigma, const Images& source,
-                               const Images& rows, const Images& target, int index)
+                               const Images& rows, const Target& target, int index)
 {
     const BlurPlace place = blur_place(index, width, height);
     if (!mask.data[place.world])
@@ -183,17 +184,16 @@ WARPCAM_DEVICE void blur_image(const Mask& mask, int width, int height, const Si
     const float *image = source.data + place.start, *blurred = rows.data + place.start;
     float means[BLUR_ROWS];
     blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
-    float* out = target.data + place.start;
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k)
         if (place.top + k < height)
-            out[(place.top + k) * width + place.column] = means[k];
+            set_number(target, place.start + (place.top + k) * width + place.column, means[k]);
 }
 
 // Adds an amount of what blur_image would take from an image.
-template <class Mask, class Numbers, class Images>
+template <class Mask, class Numbers, class Images, class Target>
 WARPCAM_DEVICE void sharpen_image(const Mask& mask, int width, int height, const Numbers& amount, const Numbers& sigma,
-                                  const Images& source, const Images& rows, const Images& target, int index)
+                                  const Images& source, const Images& rows, const Target& target, int index)
 {
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
@@ -205,12 +205,11 @@ WARPCAM_DEVICE void sharpen_image(const Mask& mask, int width, int height, const
     const float *image = source.data + place.start, *blurred = rows.data + place.start;
     float means[BLUR_ROWS];
     blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
-    float* out = target.data + place.start;
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k) {
         if (place.top + k < height) {
             const int number = (place.top + k) * width + place.column;
-            out[number] = image[number] + gain * (image[number] - means[k]);
+            set_number(target, place.start + number, image[number] + gain * (image[number] - means[k]));
         }
     }
 }

@@ -2,6 +2,7 @@
 // block, a column each, so that lanes read and write neighbours; on a CPU a thread holds all of it.
 #pragma once
 #include "core/vec3.h"
+#include "sensors/color_bytes.h"
 
 namespace warpcam {
 
@@ -101,13 +102,6 @@ WARPCAM_DEVICE void code_block(JpegBlock& block, const float* steps, int first_c
     transpose(block);
     transform_columns<true>(block);
     transpose(block);
-}
-
-// Byte of linear light, cut off at black and white: see encode_byte in warpcam/sensors/kernels/curves.py.
-WARPCAM_DEVICE float encoded_byte(const int* bytes_of_light, float light)
-{
-    const int bits = as_int(min(max(light, 1.0f / 8192.0f), 1.0f));
-    return float((bytes_of_light[(bits >> 16) - 0x3900] + (bits & 0xffff)) >> 16);
 }
 
 // Bytes of red, green and blue.
@@ -213,8 +207,8 @@ template <int SCALE> WARPCAM_DEVICE void load_chroma(const unsigned char* chroma
 }
 
 // Codes a block of luma, and writes colours of it with the chroma.
-template <int SCALE, class Mask, class Image, class Colors>
-WARPCAM_DEVICE void code_jpeg_luma(const Mask& mask, const Image& image, const Colors& target, int index)
+template <int SCALE, class Mask, class Image, class Target>
+WARPCAM_DEVICE void code_jpeg_luma(const Mask& mask, const Image& image, const Target& target, int index)
 {
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
@@ -234,7 +228,6 @@ WARPCAM_DEVICE void code_jpeg_luma(const Mask& mask, const Image& image, const C
             block.at[row][column] = luma[min(top + row, height - 1) * width + min(left + column, width - 1)] - 128.0f;
     }
     code_block(block, image.steps.data + 128 * place.world, place.first_column);
-    auto* colors = target.data + start;
     const int stride = 8 * image.chroma_across, across = (width + 1) / 2, down = (height + 1) / 2;
     const size_t chroma_start = size_t(place.world) * 8 * stride * image.chroma_down;
     const auto* chroma = reinterpret_cast<const unsigned char*>(image.chroma.data + chroma_start);
@@ -251,10 +244,11 @@ WARPCAM_DEVICE void code_jpeg_luma(const Mask& mask, const Image& image, const C
                 break;
             const float light = jpeg_byte(block.at[row][column] + 128.0f);
             const float to_blue = float(pairs[row] & 0xffu) - 128.0f, to_red = float(pairs[row] >> 16) - 128.0f;
-            auto& color = colors[(top + row) * width + x];
-            color[0] = jpeg_share(jpeg_byte(light + 1.402f * to_red));
-            color[1] = jpeg_share(jpeg_byte(light - 0.344136f * to_blue - 0.714136f * to_red));
-            color[2] = jpeg_share(jpeg_byte(light + 1.772f * to_blue));
+            const size_t number = 3 * (start + (top + row) * width + x);
+            set_number(target, number, jpeg_share(jpeg_byte(light + 1.402f * to_red)));
+            const float green = light - 0.344136f * to_blue - 0.714136f * to_red;
+            set_number(target, number + 1, jpeg_share(jpeg_byte(green)));
+            set_number(target, number + 2, jpeg_share(jpeg_byte(light + 1.772f * to_blue)));
         }
     }
 }

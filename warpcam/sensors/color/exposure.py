@@ -34,11 +34,12 @@ class Exposure(Effect):
     reference_time: Any = parameter(1.0, low=1e-9)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        inputs = [frame.mask, frame.size, params.stops, params.time, params.reference_time, frame.source, frame.target]
-        return [frame.per_strip(expose, inputs)]
+        return [frame.per_color_strip(expose, [params.stops, params.time, params.reference_time])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +55,11 @@ class Gain(Effect):
     factor: Any = parameter(1.0, low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_strip(amplify, [frame.mask, frame.size, frame.params.factor, frame.source, frame.target])]
+        return [frame.per_color_strip(amplify, [frame.params.factor])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +73,8 @@ class WhiteBalance(Effect):
     gains: Any = parameter((1.0, 1.0, 1.0), low=0.0, width=(3,))
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     @classmethod
     def from_temperature(cls, kelvin: Any) -> "WhiteBalance":
@@ -87,7 +92,7 @@ class WhiteBalance(Effect):
         return cls(gains_of(kelvin))
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_strip(balance, [frame.mask, frame.size, frame.params.gains, frame.source, frame.target])]
+        return [frame.per_color_strip(balance, [frame.params.gains])]
 
 
 def gains_of(kelvin: Any) -> np.ndarray:

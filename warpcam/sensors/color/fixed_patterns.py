@@ -22,10 +22,11 @@ class Prnu(Effect):
     sigma: Any = parameter(low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_strip(vary_response, inputs)]
+        return [frame.per_color_strip(vary_response, [frame.randomness, frame.params.sigma])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,11 @@ class Dsnu(Effect):
     sigma: Any = parameter(low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_strip(vary_dark_signal, inputs)]
+        return [frame.per_color_strip(vary_dark_signal, [frame.randomness, frame.params.sigma])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +66,9 @@ class DeadPixels(Effect):
     level: Any = parameter(1.0, low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
-        parameters = [params.dead, params.hot, params.level]
-        inputs = [frame.mask, frame.size, frame.randomness, *parameters, frame.source, frame.target]
-        return [frame.per_strip(spoil_pixels, inputs)]
+        return [frame.per_color_strip(spoil_pixels, [frame.randomness, params.dead, params.hot, params.level])]

@@ -60,6 +60,7 @@ class JpegArtifacts(Effect):
 
     kind = "display"
     takes_light = True
+    writes_bytes = True
 
     def check(self, where: str) -> None:
         if self.subsampling not in get_args(Subsampling):
@@ -88,5 +89,5 @@ class JpegArtifacts(Effect):
         return [
             bind_launch(find_steps, worlds * tables.size, inputs, device),
             bind_launch(code_chroma, threads * of_chroma, [frame.mask, image, frame.source], device),
-            bind_launch(code_luma, threads * of_luma, [frame.mask, image, frame.target], device),
+            bind_launch(code_luma, threads * of_luma, [frame.mask, image, frame.color_target], device),
         ]

@@ -34,6 +34,7 @@ class BayerMosaic(Effect):
 
     kind = "linear"
     in_place = False
+    writes_bytes = True
 
     def check(self, where: str) -> None:
         for name, kind in (("filters", Filters), ("interpolation", Interpolation)):
@@ -51,4 +52,4 @@ class BayerMosaic(Effect):
         mosaic.width, mosaic.height = frame.width, frame.height
         mosaic.red_row, mosaic.red_column = divmod(self.filters.index("R"), 2)
         kernel = interpolate_bilinearly if self.interpolation == "bilinear" else interpolate_with_gradients
-        return [frame.per_strip(kernel, [frame.mask, frame.size, mosaic, frame.target])]
+        return [frame.per_strip(kernel, [frame.mask, frame.size, mosaic, frame.color_target])]

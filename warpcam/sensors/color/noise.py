@@ -25,10 +25,11 @@ class ShotNoise(Effect):
     electrons: Any = parameter(low=1e-3, high=1e7)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.randomness, frame.params.electrons, frame.source, frame.target]
-        return [frame.per_strip(count_electrons, inputs)]
+        return [frame.per_color_strip(count_electrons, [frame.randomness, frame.params.electrons])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +43,11 @@ class ReadNoise(Effect):
     sigma: Any = parameter(low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.randomness, frame.params.sigma, frame.source, frame.target]
-        return [frame.per_strip(add_normal, inputs)]
+        return [frame.per_color_strip(add_normal, [frame.randomness, frame.params.sigma])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +89,11 @@ class Emva1288(Effect):
     black_level: Any = parameter(0.0, low=0.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         camera = LinearCamera()
         for name, values in vars(frame.params).items():
             setattr(camera, name, values)
-        inputs = [frame.mask, frame.size, frame.randomness, camera, frame.source, frame.target]
-        return [frame.per_strip(measure_linearly, inputs)]
+        return [frame.per_color_strip(measure_linearly, [frame.randomness, camera])]

@@ -27,11 +27,12 @@ class NaturalVignetting(Effect):
     strength: Any = parameter(1.0, low=0.0, high=1.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     needs_pinhole = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.views, frame.params.strength, frame.source, frame.target]
-        return [frame.per_strip(darken_naturally, inputs)]
+        return [frame.per_color_strip(darken_naturally, [frame.views, frame.params.strength])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,11 +51,11 @@ class Vignetting(Effect):
     center: Any = parameter((0.0, 0.0), width=(2,))
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        parameters = [frame.params.coefficients, frame.params.center]
-        inputs = [frame.mask, frame.size, *parameters, frame.source, frame.target]
-        return [frame.per_strip(darken_by_radius, inputs)]
+        return [frame.per_color_strip(darken_by_radius, [frame.params.coefficients, frame.params.center])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +75,10 @@ class ChromaticAberration(Effect):
 
     kind = "linear"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.target]
+        inputs = [frame.mask, frame.size, frame.params.red, frame.params.blue, frame.source, frame.color_target]
         return [frame.per_strip(shift_channels, inputs)]
 
 
@@ -92,6 +94,7 @@ class Blur(Effect):
 
     kind = "linear"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         return bind_blur(frame, blur, [frame.params.sigma])
@@ -111,6 +114,7 @@ class Sharpening(Effect):
 
     kind = "display"
     in_place = False
+    writes_bytes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         return bind_blur(frame, sharpen, [frame.params.amount, frame.params.sigma])
@@ -119,10 +123,10 @@ class Sharpening(Effect):
 def bind_blur(frame: EffectFrame, kernel: wp.Kernel, parameters: Sequence[wp.array]) -> Sequence[Stage]:
     """Bind the blur along rows, which narrow blurs do without, and a kernel that finishes it; the last is sigma."""
     worlds, width, height = len(frame.worlds), 3 * frame.width, frame.height
-    images = [frame.source, wp.empty_like(frame.source), frame.target]
-    source, rows, target = (shared(image, (worlds, width * height), wp.float32) for image in images)
+    images = [frame.source, wp.empty_like(frame.source)]
+    source, rows = (shared(image, (worlds, width * height), wp.float32) for image in images)
     threads, common = worlds * width * -(-height // BLUR_ROWS), [frame.mask, width, height]
     return [
         bind_launch(blur_rows, threads, [*common, parameters[-1], source, rows], frame.device),
-        bind_launch(kernel, threads, [*common, *parameters, source, rows, target], frame.device),
+        bind_launch(kernel, threads, [*common, *parameters, source, rows, frame.color_target], frame.device),
     ]

@@ -8,9 +8,9 @@ import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.sensors.color.tone import bind_shapes
+from warpcam.sensors.color.tone import bind_responses
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
-from warpcam.sensors.kernels.ppisp import Optics, find_homographies, process
+from warpcam.sensors.kernels.ppisp import Optics, prepare_worlds, process
 
 CHANNELS = ("R", "G", "B")
 # Names of inputs in Isaac Lab and on cameras of USD stages by parameter.
@@ -60,6 +60,8 @@ class Ppisp(Effect):
     center: Any = parameter((0.0,) * 3, width=(3,))
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     encodes = True
 
     @classmethod
@@ -88,12 +90,12 @@ class Ppisp(Effect):
         optics.responsivity, optics.exposure_offset = params.responsivity, params.exposure_offset
         optics.centers, optics.coefficients = params.vignetting_center, params.vignetting
         homographies = wp.empty(len(frame.worlds), dtype=wp.mat33, device=frame.device)
-        shapes, find = bind_shapes(frame)
-        inputs = [frame.mask, frame.size, optics, homographies, shapes, frame.source, frame.target]
+        optics.factors = wp.empty(len(frame.worlds), dtype=wp.float32, device=frame.device)
+        responses, find = bind_responses(frame)
         return [
             find,
-            frame.per_world(find_homographies, [params.color_latents, homographies]),
-            frame.per_strip(process, inputs),
+            frame.per_world(prepare_worlds, [params.color_latents, homographies, optics]),
+            frame.per_color_strip(process, [optics, homographies, responses]),
         ]
 
 

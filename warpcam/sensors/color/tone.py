@@ -12,6 +12,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.tone import (
+    Responses,
     apply_gamma,
     apply_points,
     apply_response,
@@ -34,6 +35,8 @@ class ToneCurve(Effect):
     points: Any = None
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     encodes = True
 
     def check(self, where: str) -> None:
@@ -47,10 +50,10 @@ class ToneCurve(Effect):
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         if self.points is None:
-            return [frame.per_strip(apply_srgb, [frame.mask, frame.size, frame.source, frame.target])]
+            return [frame.per_color_strip(apply_srgb, [])]
         numbers = np.ascontiguousarray(as_numbers(self.points, "points"), np.float32)
         points = wp.array(numbers, dtype=wp.vec2, device=frame.device)
-        return [frame.per_strip(apply_points, [frame.mask, frame.size, points, frame.source, frame.target])]
+        return [frame.per_color_strip(apply_points, [points])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +67,12 @@ class GammaCurve(Effect):
     gamma: Any = parameter(low=0.1, high=10.0)
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     encodes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        return [frame.per_strip(apply_gamma, [frame.mask, frame.size, frame.params.gamma, frame.source, frame.target])]
+        return [frame.per_color_strip(apply_gamma, [frame.params.gamma])]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +96,22 @@ class ResponseCurve(Effect):
     center: Any = parameter((0.0,) * 3, width=(3,))
 
     kind = "linear"
+    reads_bytes = True
+    writes_bytes = True
     encodes = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        shapes, stage = bind_shapes(frame)
-        return [stage, frame.per_strip(apply_response, [frame.mask, frame.size, shapes, frame.source, frame.target])]
+        responses, stage = bind_responses(frame)
+        return [stage, frame.per_color_strip(apply_response, [responses])]
 
 
-def bind_shapes(frame: EffectFrame) -> tuple[wp.array, Stage]:
-    """Shapes of response curves, (world, 3), and the stage that finds them from the parameters."""
-    params = frame.params
-    shapes = wp.empty((len(frame.worlds), 3), dtype=wp.vec4, device=frame.device)
-    return shapes, frame.per_world(find_shapes, [params.toe, params.shoulder, params.gamma, params.center, shapes])
+def bind_responses(frame: EffectFrame) -> tuple[Any, Stage]:
+    """Response curves of the worlds, and the stage that finds them from the parameters."""
+    params, responses = frame.params, Responses()
+    responses.shapes = wp.empty((len(frame.worlds), 3), dtype=wp.vec4, device=frame.device)
+    responses.heights = wp.empty(len(frame.worlds), dtype=wp.vec3, device=frame.device)
+    parameters = [params.toe, params.shoulder, params.gamma, params.center]
+    return responses, frame.per_world(find_shapes, [*parameters, responses])
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,8 +125,9 @@ class Quantization(Effect):
     bits: Any = parameter(low=1.0, high=16.0)
 
     kind = "display"
+    reads_bytes = True
+    writes_bytes = True
     takes_light = True
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        inputs = [frame.mask, frame.size, int(frame.is_linear), frame.params.bits, frame.source, frame.target]
-        return [frame.per_strip(quantize, inputs)]
+        return [frame.per_color_strip(quantize, [int(frame.is_linear), frame.params.bits])]

@@ -12,22 +12,30 @@ wp.set_module_options(compiler_flags())
 
 
 @wp.func
+def least_of(depth: wp.float32) -> wp.float32:
+    return wp.where(depth > 0.0, depth, wp.inf)
+
+
+@wp.func
+def greatest_of(depth: wp.float32) -> wp.float32:
+    return wp.where(depth > 0.0, depth, 0.0)
+
+
+@wp.func
 def extremes(
     source: wp.array2d(dtype=wp.float32), world: wp.int32, row: wp.int32, column: wp.int32, size: wp.vec2i
 ) -> wp.vec2:
     """Least and greatest depth of three pixels of a row about a column; 0, negative numbers and NaN do not count.
 
-    Infinity and 0 where none counts, as beyond the first and the last row.
+    Infinity and 0 where none counts. Beyond the borders are the pixels of the borders, which count anyhow, so that
+    nothing is asked before a pixel is loaded.
     """
-    least = wp.float32(wp.inf)
-    greatest = wp.float32(0.0)
-    if row >= 0 and row < size[1]:
-        for side in range(-1, 2):
-            if column + side >= 0 and column + side < size[0]:
-                depth = source[world, row * size[0] + column + side]
-                if depth > 0.0:
-                    least = wp.min(least, depth)
-                    greatest = wp.max(greatest, depth)
+    start = wp.clamp(row, 0, size[1] - 1) * size[0]
+    left = source[world, start + wp.max(column - 1, 0)]
+    middle = source[world, start + column]
+    right = source[world, start + wp.min(column + 1, size[0] - 1)]
+    least = wp.min(wp.min(least_of(left), least_of(middle)), least_of(right))
+    greatest = wp.max(wp.max(greatest_of(left), greatest_of(middle)), greatest_of(right))
     return wp.vec2(least, greatest)
 
 
@@ -37,7 +45,7 @@ def joined(above: wp.vec2, here: wp.vec2, below: wp.vec2):
     return wp.min(wp.min(above[0], here[0]), below[0]), wp.max(wp.max(above[1], here[1]), below[1])
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_edges(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -70,7 +78,7 @@ def drop_edges(
         here = below
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def mix_edges(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -104,7 +112,7 @@ def mix_edges(
         here = below
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_grazing(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -135,7 +143,7 @@ def drop_grazing(
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_dark(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -167,7 +175,7 @@ def drop_dark(
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_at_random(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -194,7 +202,7 @@ def drop_at_random(
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def quantize_depth(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,

@@ -6,12 +6,12 @@ from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured, resolution
-from warpcam.sensors.kernels.random import Randomness, frame_state
+from warpcam.sensors.kernels.random import Randomness, frame_state, two_normals
 
 wp.set_module_options(compiler_flags())
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shift_nearest(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -42,14 +42,15 @@ def shift_nearest(
             sigma += growth * grazing_ratio(incidence(view, normals, world, row, column))
         sigma *= ratio
         state = wp.rand_init(random, pixel)
-        x = wp.float32(column) + sigma * wp.randn(state)
-        y = wp.float32(row) + sigma * wp.randn(state)
+        across, down, _ = two_normals(state)
+        x = wp.float32(column) + sigma * across
+        y = wp.float32(row) + sigma * down
         other_column = wp.clamp(wp.int32(wp.floor(x + 0.5)), 0, width - 1)
         other_row = wp.clamp(wp.int32(wp.floor(y + 0.5)), 0, height - 1)
         target[world, pixel] = source[world, other_row * width + other_column]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def shift_bilinear(
     mask: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
@@ -71,8 +72,9 @@ def shift_bilinear(
     for row in range(top, bottom):
         pixel = row * width + column
         state = wp.rand_init(random, pixel)
-        x = wp.clamp(wp.float32(column) + sigma * wp.randn(state), 0.0, wp.float32(width - 1))
-        y = wp.clamp(wp.float32(row) + sigma * wp.randn(state), 0.0, wp.float32(height - 1))
+        across, down, _ = two_normals(state)
+        x = wp.clamp(wp.float32(column) + sigma * across, 0.0, wp.float32(width - 1))
+        y = wp.clamp(wp.float32(row) + sigma * down, 0.0, wp.float32(height - 1))
         left = wp.int32(x)
         upper = wp.int32(y)
         u = x - wp.float32(left)

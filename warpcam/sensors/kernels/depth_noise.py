@@ -6,12 +6,12 @@ from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured
-from warpcam.sensors.kernels.random import Randomness, device_state, element_state, frame_state
+from warpcam.sensors.kernels.random import Randomness, device_state, element_state, frame_state, one_normal
 
 wp.set_module_options(compiler_flags())
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_axial_noise(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -42,11 +42,11 @@ def add_axial_noise(
             beyond = depth - begin
             ratio = grazing_ratio(incidence(view, normals, world, row, column))
             sigma = least + growth * beyond * beyond + by_angle * ratio * ratio / wp.sqrt(depth)
-            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+            depth = wp.max(depth + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_polynomial_noise(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -72,11 +72,11 @@ def add_polynomial_noise(
         depth = source[world, pixel]
         if is_measured(depth):
             sigma = wp.max(c0 + (c1 + c2 * depth) * depth, 0.0)
-            depth = wp.max(depth + bias + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+            depth = wp.max(depth + bias + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_ramp_noise(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -100,11 +100,11 @@ def add_ramp_noise(
         depth = source[world, pixel]
         if is_measured(depth):
             sigma = least + growth * wp.max(depth - begin, 0.0)
-            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+            depth = wp.max(depth + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_bias(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -139,11 +139,11 @@ def walk(
     """One step of each world's random walk."""
     world = first + wp.tid()
     if mask[world] != wp.uint8(0):
-        step = sigma[world] * wp.randn(element_state(randomness, world, 0))
+        step = sigma[world] * one_normal(element_state(randomness, world, 0))
         drift[world] = (1.0 - relaxation[world]) * drift[world] + step
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_drift(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -164,7 +164,7 @@ def add_drift(
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_fixed_pattern(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -186,5 +186,5 @@ def add_fixed_pattern(
         depth = source[world, pixel]
         if is_measured(depth):
             sigma = least + growth * depth
-            depth = wp.max(depth + sigma * wp.randn(wp.rand_init(random, pixel)), 0.0)
+            depth = wp.max(depth + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth

@@ -6,12 +6,12 @@ from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.depth_values import cell_of, cell_side, focal_length, is_measured
-from warpcam.sensors.kernels.random import Randomness, frame_state
+from warpcam.sensors.kernels.random import Randomness, frame_state, one_normal
 
 wp.set_module_options(compiler_flags())
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def add_disparity_noise(
     mask: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),
@@ -39,12 +39,12 @@ def add_disparity_noise(
         depth = source[world, pixel]
         if is_measured(depth):
             state = wp.rand_init(random, cell_of(row, column, size[0], side))
-            disparity = scale / depth + error + deviation * wp.randn(state)
+            disparity = scale / depth + error + deviation * one_normal(state)
             depth = wp.where(disparity > 0.0, scale / disparity, 0.0)
         target[world, pixel] = depth
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def quantize_disparity(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,

@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.sensors.kernels.arithmetic import inverse_root, quotient
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, frame_state, three_normals, two_normals
 from warpcam.sensors.kernels.tone import greatest_number
 
@@ -73,11 +74,11 @@ def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
 
 
 @wp.func
-def electrons_of(means: wp.vec3, uniforms: wp.vec3, normals: wp.vec3) -> wp.vec3:
-    """Numbers of Poisson's distribution with those means: of many electrons by ``normals``, of few by ``uniforms``."""
+def electrons_of(means: wp.vec3, normals: wp.vec3, state: wp.uint32) -> wp.vec3:
+    """Numbers of Poisson's distribution with those means: of many electrons by ``normals``, of few by next numbers."""
     counts = wp.vec3()
     if wp.min(means) < APPROXIMATE_FROM:
-        chances = wp.vec3(uniforms[0], uniforms[1], uniforms[2])
+        chances = wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state))
         for k in range(3):
             if means[k] >= APPROXIMATE_FROM:
                 chances[k] = -1.0  # ends the count at once
@@ -94,8 +95,8 @@ def count_electrons(
     size: wp.vec2i,
     randomness: Randomness,
     electrons_at_white: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -103,16 +104,15 @@ def count_electrons(
         return
     scale = electrons_at_white[world]
     random = frame_state(randomness, world)
+    ahead = color_at(source, world, top * size[0] + column)
     for row in range(top, bottom):
         pixel = row * size[0] + column
+        means = scale * wp.vec3(wp.max(ahead[0], 0.0), wp.max(ahead[1], 0.0), wp.max(ahead[2], 0.0))
+        ahead = color_at(source, world, wp.min(row + 1, bottom - 1) * size[0] + column)
         normals, state = three_normals(wp.rand_init(random, pixel))
-        uniforms = wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state))
-        light = source[world, pixel]
-        means = scale * wp.vec3(wp.max(light[0], 0.0), wp.max(light[1], 0.0), wp.max(light[2], 0.0))
-        electrons = electrons_of(means, uniforms, normals)
-        target[world, pixel] = wp.vec3(
-            quotient(electrons[0], scale), quotient(electrons[1], scale), quotient(electrons[2], scale)
-        )
+        electrons = electrons_of(means, normals, state)
+        seen = wp.vec3(quotient(electrons[0], scale), quotient(electrons[1], scale), quotient(electrons[2], scale))
+        set_color(target, world, pixel, seen)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -121,8 +121,8 @@ def add_normal(
     size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -133,7 +133,7 @@ def add_normal(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         normals, _ = three_normals(wp.rand_init(random, pixel))
-        target[world, pixel] = source[world, pixel] + spread * normals
+        set_color(target, world, pixel, color_at(source, world, pixel) + spread * normals)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -142,8 +142,8 @@ def measure_linearly(
     size: wp.vec2i,
     randomness: Randomness,
     camera: LinearCamera,
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     """Photons to electrons to digital numbers, and these as linear light again."""
@@ -162,19 +162,17 @@ def measure_linearly(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         state = wp.rand_init(random, pixel)
-        light = source[world, pixel]
+        light = color_at(source, world, pixel)
         means = wp.vec3()
-        uniforms = wp.vec3()
         normals = wp.vec3()
         noise = wp.vec3()
         for k in range(3):
             of_light, of_dark, state = two_normals(state)
             means[k] = wp.max(light[k], 0.0) * at_white + dark
-            uniforms[k] = wp.randf(state)
             normals[k] = of_light
             noise[k] = dark_noise * of_dark
-        electrons = electrons_of(means, uniforms, normals)
+        electrons = electrons_of(means, normals, state)
         for k in range(3):
             number = wp.floor(gain * (wp.min(electrons[k], full_well) + noise[k]) + black + 0.5)
             light[k] = quotient(wp.clamp(number, 0.0, highest) - black, white)
-        target[world, pixel] = light
+        set_color(target, world, pixel, light)

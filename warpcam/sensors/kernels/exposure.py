@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 
 wp.set_module_options(compiler_flags())
 
@@ -15,8 +16,8 @@ def expose(
     stops: wp.array(dtype=wp.float32),
     time: wp.array(dtype=wp.float32),
     reference_time: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -25,7 +26,7 @@ def expose(
     factor = wp.pow(2.0, stops[world]) * time[world] / reference_time[world]
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        target[world, pixel] = factor * source[world, pixel]
+        set_color(target, world, pixel, factor * color_at(source, world, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -33,8 +34,8 @@ def amplify(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     factor: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -43,7 +44,7 @@ def amplify(
     gain = factor[world]
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        target[world, pixel] = gain * source[world, pixel]
+        set_color(target, world, pixel, gain * color_at(source, world, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -51,8 +52,8 @@ def balance(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     gains: wp.array2d(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -61,4 +62,4 @@ def balance(
     factors = wp.vec3(gains[world, 0], gains[world, 1], gains[world, 2])
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        target[world, pixel] = wp.cw_mul(factors, source[world, pixel])
+        set_color(target, world, pixel, wp.cw_mul(factors, color_at(source, world, pixel)))

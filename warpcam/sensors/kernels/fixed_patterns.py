@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, device_state, three_normals
 
 wp.set_module_options(compiler_flags())
@@ -22,8 +23,8 @@ def vary_response(
     size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -34,7 +35,7 @@ def vary_response(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         gains = wp.vec3(1.0) + spread * pattern(random, pixel)
-        target[world, pixel] = wp.cw_mul(gains, source[world, pixel])
+        set_color(target, world, pixel, wp.cw_mul(gains, color_at(source, world, pixel)))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -43,8 +44,8 @@ def vary_dark_signal(
     size: wp.vec2i,
     randomness: Randomness,
     sigma: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -54,7 +55,7 @@ def vary_dark_signal(
     random = device_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        target[world, pixel] = source[world, pixel] + spread * pattern(random, pixel)
+        set_color(target, world, pixel, color_at(source, world, pixel) + spread * pattern(random, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -65,8 +66,8 @@ def spoil_pixels(
     dead: wp.array(dtype=wp.float32),
     hot: wp.array(dtype=wp.float32),
     level: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -78,10 +79,10 @@ def spoil_pixels(
     random = device_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
+        value = color_at(source, world, pixel)
         number = wp.randf(wp.rand_init(random, pixel))
         if number < black:
             value = wp.vec3(0.0)
         elif number < bright:
             value = wp.vec3(shown)
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)

@@ -1,10 +1,13 @@
 """Loss of JPEG: steps of quantisation, and blocks of 8 x 8 numbers by native code."""
 
+from typing import Any
+
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.kernels import make_kernel
+from warpcam.sensors.kernels.color_images import ColorTarget
 
 wp.set_module_options(compiler_flags())
 
@@ -45,16 +48,16 @@ def find_steps(
     steps[world, entry] = wp.clamp(wp.floor((tables[entry] * percent + 50.0) / 100.0), 1.0, 255.0)
 
 
-def _coder(image: str, scale: int, colors: str) -> wp.Kernel:
+def _coder(image: str, scale: int, colors: str, kind: Any) -> wp.Kernel:
     """Kernel of native/sensors/jpeg_blocks.h for chroma that is ``scale`` times smaller: a thread a block, or LANES."""
     return make_kernel(
         f"code_{image}_{scale}",
         f"warpcam::code_jpeg_{image}<{scale}>(mask, image, {colors}, index);",
-        {"mask": wp.array(dtype=wp.uint8), "image": CodedImage, colors: wp.array2d(dtype=wp.vec3)},
+        {"mask": wp.array(dtype=wp.uint8), "image": CodedImage, colors: kind},
         native_module("sensors/jpeg_blocks.h"),
     )
 
 
 # They write luma and code chroma of a source; and code luma and write colours of it with the chroma.
-code_full_chroma, code_half_chroma = (_coder("chroma", scale, "source") for scale in (1, 2))
-code_full_luma, code_half_luma = (_coder("luma", scale, "target") for scale in (1, 2))
+code_full_chroma, code_half_chroma = (_coder("chroma", scale, "source", wp.array2d(dtype=wp.vec3)) for scale in (1, 2))
+code_full_luma, code_half_luma = (_coder("luma", scale, "target", ColorTarget) for scale in (1, 2))

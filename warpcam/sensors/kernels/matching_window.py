@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
 from warpcam.kernels.types import View
+from warpcam.sensors.kernels.arithmetic import quotient
 from warpcam.sensors.kernels.depth_values import focal_length, is_measured
 
 wp.set_module_options(compiler_flags())
@@ -41,7 +42,7 @@ def disparity_scale(rule: MatchingRule, world: wp.int32) -> wp.float32:
     return focal_length(rule.focal[world], rule.views[world]) * rule.baseline[world]
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def sum_window_rows(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
@@ -65,7 +66,7 @@ def sum_window_rows(
         for place in range(left, right):
             depth = source[world, start + place]
             if is_measured(depth):
-                disparity = scale / depth
+                disparity = quotient(scale, depth)
                 total += disparity
                 count += 1.0
                 least = wp.min(least, disparity)
@@ -114,7 +115,7 @@ def strays(
     return count
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def keep_matches(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,

@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import STRIP, strip_of, strip_vector
+from warpcam.sensors.kernels.color_images import ColorTarget, set_color
 
 wp.set_module_options(compiler_flags())
 
@@ -67,7 +68,7 @@ def color_of(channel: wp.int32, own: wp.float32, green: wp.float32, other: wp.fl
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def interpolate_bilinearly(
-    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
+    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: ColorTarget, first: wp.int32
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
@@ -90,12 +91,12 @@ def interpolate_bilinearly(
             )
             if channel != 1:
                 color = color_of(channel, own, 0.25 * (horizontal + vertical), 0.25 * (beside[k] + beside[k + 2]))
-            target[world, row * size[0] + column] = color
+            set_color(target, world, row * size[0] + column, color)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def interpolate_with_gradients(
-    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: wp.array2d(dtype=wp.vec3), first: wp.int32
+    mask: wp.array(dtype=wp.uint8), size: wp.vec2i, mosaic: Mosaic, target: ColorTarget, first: wp.int32
 ):
     """Linear filters of 5 x 5 pixels by Malvar, He and Cutler."""
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -131,6 +132,5 @@ def interpolate_with_gradients(
                 far = far_horizontal[k] + far_vertical
                 green = (4.0 * own + 2.0 * (horizontal + vertical) - far) / 8.0
                 color = color_of(channel, own, green, (6.0 * own + 2.0 * diagonal - 1.5 * far) / 8.0)
-            target[world, row * size[0] + column] = wp.vec3(
-                wp.max(color[0], 0.0), wp.max(color[1], 0.0), wp.max(color[2], 0.0)
-            )
+            color = wp.vec3(wp.max(color[0], 0.0), wp.max(color[1], 0.0), wp.max(color[2], 0.0))
+            set_color(target, world, row * size[0] + column, color)

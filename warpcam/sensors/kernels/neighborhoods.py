@@ -5,6 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.runtime.kernels import make_kernel
+from warpcam.sensors.kernels.color_images import ColorTarget, set_color
 
 wp.set_module_options(compiler_flags())
 
@@ -25,13 +26,13 @@ blur_rows = make_kernel(
 blur = make_kernel(
     "blur",
     "warpcam::blur_image(mask, width, height, sigma, source, rows, target, index);",
-    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": ColorTarget},
     native_module("sensors/blur_images.h"),
 )
 sharpen = make_kernel(
     "sharpen",
     "warpcam::sharpen_image(mask, width, height, amount, sigma, source, rows, target, index);",
-    {**_IMAGES, "amount": _NUMBERS, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": _IMAGE},
+    {**_IMAGES, "amount": _NUMBERS, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE, "target": ColorTarget},
     native_module("sensors/blur_images.h"),
 )
 
@@ -67,7 +68,7 @@ def shift_channels(
     red: wp.array(dtype=wp.float32),
     blue: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    target: ColorTarget,
     first: wp.int32,
 ):
     """Red and blue magnified about the middle of the image."""
@@ -86,4 +87,4 @@ def shift_channels(
         value = source[world, pixel]
         value[0] = sample(source, world, x_of_red, middle[1] + below / of_red, size[0], size[1])[0]
         value[2] = sample(source, world, x_of_blue, middle[1] + below / of_blue, size[0], size[1])[2]
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)

@@ -4,7 +4,8 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
-from warpcam.sensors.kernels.tone import joint_height, response
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
+from warpcam.sensors.kernels.tone import Responses, response
 from warpcam.sensors.kernels.vignetting import around_middle, falloff
 
 wp.set_module_options(compiler_flags())
@@ -16,6 +17,7 @@ class Optics:
 
     responsivity: wp.array(dtype=wp.float32)  # (world,)
     exposure_offset: wp.array(dtype=wp.float32)  # (world,) [EV]
+    factors: wp.array(dtype=wp.float32)  # (world,) of both, found once a frame
     centers: wp.array2d(dtype=wp.float32)  # (world, 6) x and y of vignetting for red, green and blue
     coefficients: wp.array2d(dtype=wp.float32)  # (world, 9) three of vignetting for red, green and blue
 
@@ -29,13 +31,20 @@ def moved(latents: wp.array2d(dtype=wp.float32), world: wp.int32, entry: wp.int3
 
 
 @wp.kernel(enable_backward=False)
-def find_homographies(latents: wp.array2d(dtype=wp.float32), homographies: wp.array(dtype=wp.mat33), first: wp.int32):
-    """Homography of (red, green, sum) that takes the corners of the chromaticity triangle and grey where they move.
+def prepare_worlds(
+    latents: wp.array2d(dtype=wp.float32),
+    homographies: wp.array(dtype=wp.mat33),
+    optics: Optics,
+    first: wp.int32,
+):
+    """Factor of exposure, and homography that takes corners of the chromaticity triangle and grey where they move.
 
-    The images of the corners are weighted such that their sum is in the direction of the moved grey. The scale is that
-    of Isaac Lab, which the offset below a quotient makes visible in the dark.
+    Homographies are of (red, green, sum). The images of the corners are weighted such that their sum is in the
+    direction of the moved grey. The scale is that of Isaac Lab, which the offset below a quotient makes visible in the
+    dark.
     """
     world = first + wp.tid()
+    optics.factors[world] = optics.responsivity[world] * wp.pow(2.0, optics.exposure_offset[world])
     blue = moved(latents, world, 0, wp.vec3(0.0480542, -0.0043631, 0.0481283))
     red = moved(latents, world, 1, wp.vec3(0.0580570, -0.0179872, 0.0431061))
     green = moved(latents, world, 2, wp.vec3(0.0433336, -0.0180537, 0.0580500))
@@ -58,26 +67,26 @@ def find_homographies(latents: wp.array2d(dtype=wp.float32), homographies: wp.ar
     homographies[world] = wp.matrix_from_cols(by_red, by_green, image_of_blue)
 
 
-@wp.kernel(enable_backward=False, grid_stride=False)
+@wp.kernel(enable_backward=False, grid_stride=False, launch_bounds=(128, 6))
 def process(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     optics: Optics,
     homographies: wp.array(dtype=wp.mat33),
-    shapes: wp.array2d(dtype=wp.vec4),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    responses: Responses,
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    exposure = optics.responsivity[world] * wp.pow(2.0, optics.exposure_offset[world])
+    exposure = optics.factors[world]
     homography = homographies[world]
-    red = shapes[world, 0]
-    green = shapes[world, 1]
-    blue = shapes[world, 2]
-    heights = wp.vec3(joint_height(red), joint_height(green), joint_height(blue))
+    red = responses.shapes[world, 0]
+    green = responses.shapes[world, 1]
+    blue = responses.shapes[world, 2]
+    heights = responses.heights[world]
     x = around_middle(column, size[0], size)
     right = wp.vec3(x - optics.centers[world, 0], x - optics.centers[world, 2], x - optics.centers[world, 4])
     middles = wp.vec3(optics.centers[world, 1], optics.centers[world, 3], optics.centers[world, 5])
@@ -85,9 +94,11 @@ def process(
     for k in range(3):
         for power in range(3):
             coefficients[k, power] = optics.coefficients[world, 3 * k + power]
+    ahead = color_at(source, world, top * size[0] + column)
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        light = exposure * source[world, pixel]
+        light = exposure * ahead
+        ahead = color_at(source, world, wp.min(row + 1, bottom - 1) * size[0] + column)
         y = around_middle(row, size[1], size)
         for k in range(3):
             down = y - middles[k]
@@ -96,8 +107,9 @@ def process(
         total = light[0] + light[1] + light[2]
         image = homography * wp.vec3(light[0], light[1], total)
         image = image * (total / (image[2] + 1.0e-5))
-        target[world, pixel] = wp.vec3(
+        color = wp.vec3(
             response(image[0], red, heights[0]),
             response(image[1], green, heights[1]),
             response(image[2] - image[0] - image[1], blue, heights[2]),
         )
+        set_color(target, world, pixel, color)

@@ -64,6 +64,13 @@ def polar_normals(first: wp.float32, second: wp.float32) -> wp.vec2:
 
 
 @wp.func
+def one_normal(state: wp.uint32) -> wp.float32:
+    """A number of the standard normal distribution."""
+    first = wp.randf(state)
+    return polar_normals(first, wp.randf(state))[0]
+
+
+@wp.func
 def two_normals(state: wp.uint32):
     """Two independent numbers of the standard normal distribution, and the next state."""
     first = wp.randf(state)

@@ -21,7 +21,7 @@ def at_limit(distance: wp.float32, least: wp.float32, greatest: wp.float32) -> w
     return distance
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def limit_range(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,

@@ -18,7 +18,7 @@ STEP = 1.0
 PARTS = 16
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def find_nearest_of_parts(
     mask: wp.array(dtype=wp.uint8),
     width: wp.int32,
@@ -39,7 +39,7 @@ def find_nearest_of_parts(
     nearest[world, row, part] = least
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def find_nearest(
     mask: wp.array(dtype=wp.uint8),
     parts: wp.array3d(dtype=wp.float32),
@@ -79,7 +79,7 @@ def is_joined(a: wp.float32, b: wp.float32) -> wp.bool:
     return a >= 0.0 and b >= 0.0 and wp.abs(a - b) <= STEP
 
 
-@wp.kernel(enable_backward=False)
+@wp.kernel(enable_backward=False, grid_stride=False)
 def drop_hidden(
     mask: wp.array(dtype=wp.uint8),
     views: wp.array(dtype=View),

@@ -5,9 +5,18 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.sensors.kernels.arithmetic import power, quotient
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.curves import encode
 
 wp.set_module_options(compiler_flags())
+
+
+@wp.struct
+class Responses:
+    """Response curves of the three channels in each world."""
+
+    shapes: wp.array2d(dtype=wp.vec4)  # (world, channel) exponents of toe and shoulder, gamma and centre
+    heights: wp.array(dtype=wp.vec3)  # (world,) values at which toe and shoulder meet, before gamma
 
 
 @wp.func
@@ -51,8 +60,8 @@ def response(light: wp.float32, shape: wp.vec4, height: wp.float32) -> wp.float3
 def apply_srgb(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -60,10 +69,10 @@ def apply_srgb(
         return
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
+        value = color_at(source, world, pixel)
         for k in range(3):
             value[k] = encode(value[k])
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -71,8 +80,8 @@ def apply_gamma(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     gamma: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -81,10 +90,10 @@ def apply_gamma(
     exponent = 1.0 / gamma[world]
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
+        value = color_at(source, world, pixel)
         for k in range(3):
             value[k] = power(wp.clamp(value[k], 0.0, 1.0), exponent)
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -92,8 +101,8 @@ def apply_points(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     points: wp.array(dtype=wp.vec2),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     """Straight lines between points; the first and the last go on as they are."""
@@ -102,7 +111,7 @@ def apply_points(
         return
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
+        value = color_at(source, world, pixel)
         for k in range(3):
             low = wp.int32(0)
             high = wp.int32(points.shape[0] - 1)
@@ -116,33 +125,32 @@ def apply_points(
             end = points[high]
             share = wp.clamp((value[k] - begin[0]) / (end[0] - begin[0]), 0.0, 1.0)
             value[k] = wp.lerp(begin[1], end[1], share)
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
 def apply_response(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
-    shapes: wp.array2d(dtype=wp.vec4),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    responses: Responses,
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    red = shapes[world, 0]
-    green = shapes[world, 1]
-    blue = shapes[world, 2]
-    heights = wp.vec3(joint_height(red), joint_height(green), joint_height(blue))
+    red = responses.shapes[world, 0]
+    green = responses.shapes[world, 1]
+    blue = responses.shapes[world, 2]
+    heights = responses.heights[world]
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
-        target[world, pixel] = wp.vec3(
-            response(value[0], red, heights[0]),
-            response(value[1], green, heights[1]),
-            response(value[2], blue, heights[2]),
-        )
+        value = color_at(source, world, pixel)
+        value[0] = response(value[0], red, heights[0])
+        value[1] = response(value[1], green, heights[1])
+        value[2] = response(value[2], blue, heights[2])
+        set_color(target, world, pixel, value)
 
 
 @wp.kernel(enable_backward=False)
@@ -151,12 +159,16 @@ def find_shapes(
     shoulder: wp.array2d(dtype=wp.float32),
     gamma: wp.array2d(dtype=wp.float32),
     center: wp.array2d(dtype=wp.float32),
-    shapes: wp.array2d(dtype=wp.vec4),
+    responses: Responses,
     first: wp.int32,
 ):
     world = first + wp.tid()
+    heights = wp.vec3()
     for k in range(3):
-        shapes[world, k] = response_shape(toe[world, k], shoulder[world, k], gamma[world, k], center[world, k])
+        shape = response_shape(toe[world, k], shoulder[world, k], gamma[world, k], center[world, k])
+        responses.shapes[world, k] = shape
+        heights[k] = joint_height(shape)
+    responses.heights[world] = heights
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -165,8 +177,8 @@ def quantize(
     size: wp.vec2i,
     is_linear: wp.int32,
     bits: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -175,10 +187,10 @@ def quantize(
     highest = greatest_number(bits[world])
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        value = source[world, pixel]
+        value = color_at(source, world, pixel)
         for k in range(3):
             display = wp.clamp(value[k], 0.0, 1.0)
             if is_linear != 0:
                 display = encode(display)
             value[k] = quotient(wp.floor(display * highest + 0.5), highest)
-        target[world, pixel] = value
+        set_color(target, world, pixel, value)

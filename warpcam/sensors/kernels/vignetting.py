@@ -6,6 +6,7 @@ from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.arithmetic import quotient
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 
 wp.set_module_options(compiler_flags())
 
@@ -29,8 +30,8 @@ def darken_naturally(
     size: wp.vec2i,
     views: wp.array(dtype=View),
     strength: wp.array(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -44,7 +45,7 @@ def darken_naturally(
         y = (wp.float32(row) + 0.5 - view.center[1]) * view.scale[1]
         squared_cosine = quotient(1.0, 1.0 + x * x + y * y)
         factor = 1.0 + amount * (squared_cosine * squared_cosine - 1.0)
-        target[world, pixel] = factor * source[world, pixel]
+        set_color(target, world, pixel, factor * color_at(source, world, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -53,8 +54,8 @@ def darken_by_radius(
     size: wp.vec2i,
     coefficients: wp.array2d(dtype=wp.float32),
     center: wp.array2d(dtype=wp.float32),
-    source: wp.array2d(dtype=wp.vec3),
-    target: wp.array2d(dtype=wp.vec3),
+    source: ColorSource,
+    target: ColorTarget,
     first: wp.int32,
 ):
     world, column, top, bottom = strip_of(first + wp.tid(), size)
@@ -68,4 +69,4 @@ def darken_by_radius(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         y = around_middle(row, size[1], size) - middle
-        target[world, pixel] = falloff(x * x + y * y, a, b, c) * source[world, pixel]
+        set_color(target, world, pixel, falloff(x * x + y * y, a, b, c) * color_at(source, world, pixel))

@@ -1,0 +1,94 @@
+"""Colours that effects read and write: numbers, or bytes where a chain of effects begins or ends."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import warp as wp
+
+from warpcam.sensors.kernels.curves import byte_table, encode, encode_byte, light_table
+
+NUMBERS = wp.constant(0)
+LIGHT_BYTES = wp.constant(1)  # bytes of display colours, which come and go as linear light
+DISPLAY_BYTES = wp.constant(2)  # likewise, which come and go as display values
+DISPLAY_NUMBERS = wp.constant(3)  # display values of linear light
+
+
+@wp.struct
+class ColorSource:
+    """Colours before an effect."""
+
+    kind: wp.int32  # NUMBERS or LIGHT_BYTES
+    numbers: wp.array2d(dtype=wp.vec3)  # (world, pixel)
+    bytes: wp.array3d(dtype=wp.uint8)  # (world, pixel, channel)
+    light_of_bytes: wp.array(dtype=wp.float32)  # see ``curves.light_table``
+
+
+@wp.struct
+class ColorTarget:
+    """Colours after an effect."""
+
+    kind: wp.int32
+    numbers: wp.array2d(dtype=wp.vec3)  # (world, pixel)
+    bytes: wp.array3d(dtype=wp.uint8)  # (world, pixel, channel)
+    truth: wp.array3d(dtype=wp.uint8)  # rendered bytes, whose alpha stays
+    bytes_of_light: wp.array(dtype=wp.int32)  # see ``curves.byte_table``
+
+
+@wp.func
+def color_at(source: ColorSource, world: wp.int32, pixel: wp.int32) -> wp.vec3:
+    """Numbers of a pixel; linear light of bytes."""
+    if source.kind == NUMBERS:
+        return source.numbers[world, pixel]
+    return wp.vec3(
+        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 0])],
+        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 1])],
+        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 2])],
+    )
+
+
+@wp.func
+def set_color(target: ColorTarget, world: wp.int32, pixel: wp.int32, value: wp.vec3):
+    """Write numbers of a pixel, or their bytes."""
+    if target.kind == NUMBERS:
+        target.numbers[world, pixel] = value
+    elif target.kind == DISPLAY_NUMBERS:
+        target.numbers[world, pixel] = wp.vec3(encode(value[0]), encode(value[1]), encode(value[2]))
+    else:
+        for k in range(3):
+            byte = wp.int32(0)
+            if target.kind == LIGHT_BYTES:
+                byte = encode_byte(target.bytes_of_light, value[k])
+            else:
+                byte = wp.int32(wp.clamp(value[k], 0.0, 1.0) * 255.0 + 0.5)
+            target.bytes[world, pixel, k] = wp.uint8(byte)
+        if target.bytes.shape[2] == 4:
+            target.bytes[world, pixel, 3] = target.truth[world, pixel, 3]
+
+
+def color_source(image: wp.array) -> Any:
+    """``ColorSource`` of numbers, (world, pixel) vec3, or of bytes, (world, pixel, channel) uint8."""
+    source = ColorSource()
+    if image.dtype is wp.uint8:
+        source.kind, source.bytes, source.light_of_bytes = int(LIGHT_BYTES), image, light_table(image.device)
+    else:
+        source.numbers = image
+    return source
+
+
+def color_target(image: wp.array, truth: Mapping[str, wp.array], is_linear: bool, through_srgb: bool = False) -> Any:
+    """``ColorTarget`` of numbers or bytes, likewise.
+
+    Args:
+        image: Where colours are written to.
+        truth: Rendered outputs by name; alpha of bytes with four channels is that of "rgba".
+        is_linear: Bytes are made of linear light.
+        through_srgb: Numbers are made of linear light, too.
+    """
+    target = ColorTarget()
+    if image.dtype is wp.uint8:
+        target.kind, target.bytes = int(LIGHT_BYTES if is_linear else DISPLAY_BYTES), image
+        target.truth = truth["rgba"].reshape(image.shape) if image.shape[2] == 4 else image
+        target.bytes_of_light = byte_table(image.device)
+    else:
+        target.kind, target.numbers = int(DISPLAY_NUMBERS if through_srgb else NUMBERS), image
+    return target
