@@ -8,6 +8,7 @@ TASKS = {
     "cartpole": "balance a pole on a cart",
     "swing-up": "swing it up first",
     "reach": "bring an arm's tool to a sphere that its wrist camera sees",
+    "pick": "grasp a cube and lift it, in worlds that look different",
     "quadruped": "follow a speed over hills on four legs",
 }
 CRITICS = ("state", "pixels")
