@@ -104,3 +104,19 @@ def test_looks_may_stay(device: wp.Device) -> None:
     task = Pick(WORLDS, device=device.alias, looks=False)
     task.pixels(32, 32).reset(seed=3)
     assert len(task.scene.vary("shape_colors").unique(dim=0)) == 1
+
+
+def test_looks_are_drawn_within_captured_steps(device: wp.Device) -> None:
+    """Over ends of episodes, as they are without a graph."""
+    drawn = []
+    for capture in (False, True):
+        task = Pick(WORLDS, device=device.alias, max_episode_length=4)
+        pixels = task.pixels(32, 32, capture=capture)
+        pixels.reset(seed=3)
+        first = task.scene.vary("shape_colors").clone()
+        for _ in range(10):
+            pixels.step(torch.zeros(WORLDS, 4, device=first.device))
+        colors = task.scene.vary("shape_colors").clone()
+        assert bool((colors != first).flatten(1).any(dim=1).all())
+        drawn.append((colors, task.scene.vary("light_directions").clone(), task._eye.position.clone()))
+    assert all(map(torch.equal, *drawn))
