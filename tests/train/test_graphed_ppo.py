@@ -14,13 +14,14 @@ from warpcam.errors import WarpcamError
 from warpcam.train import CartPole, RslRlVecEnv, ppo
 from warpcam.train.image_model import Encoder
 
-WORLDS, STEPS, SIZE = 4, 8, (24, 16)
+WORLDS, STEPS, LENGTH, SIZE = 4, 8, 6, (24, 16)
 ENCODER = {"output_channels": [4], "kernel_size": [3], "stride": [2], "activation": "elu"}
 
 
 def training(device: wp.Device, folder: Path | None = None, colors: str = "float32", **settings: Any) -> ppo.Training:
-    task = CartPole(WORLDS, device=device.alias, seed=4, max_episode_length=6)
-    config = ppo.settings(task.groups, ["state"], encoder=ENCODER, num_steps_per_env=STEPS, seed=5, **settings)
+    task = CartPole(WORLDS, device=device.alias, seed=4, max_episode_length=LENGTH)
+    settings = {"num_steps_per_env": STEPS, "encoder": ENCODER, "seed": 5, **settings}
+    config = ppo.settings(task.groups, ["state"], **settings)
     return ppo.Training(RslRlVecEnv(task.pixels(*SIZE, colors=colors)), config, folder)
 
 
@@ -34,15 +35,16 @@ def both(made: ppo.Training) -> torch.Tensor:
 def test_it_learns_what_rsl_rls_own_does(device: wp.Device, tmp_path: Path, schedule: str) -> None:
     """From the same steps: weights, means of observations, learning rate, losses and what the logger is told."""
     found = []
+    strong = {"entropy_coef": 0.2, "clip_param": 0.05, "value_loss_coef": 0.5, "num_steps_per_env": 2 * LENGTH}
     for graphs in (False, True):
-        made = training(device, tmp_path / str(graphs), graphs=graphs, schedule=schedule)
+        made = training(device, tmp_path / str(graphs), graphs=graphs, schedule=schedule, **strong)
         algorithm, logger, losses = made.runner.alg, made.runner.logger, []
         update = algorithm.update
         algorithm.update = lambda update=update, losses=losses: losses.append(update()) or losses[-1]
         made.learn(1, spread=False)
         told = [*logger.rewbuffer, *logger.lenbuffer, *losses[0].values(), algorithm.learning_rate]
         found.append((both(made), torch.tensor(told)))
-    assert len(found[0][1]) == 2 * WORLDS + 4
+    assert len(found[0][1]) == 2 * 2 * WORLDS + 4  # two episodes of each world
     for ours, theirs in zip(found[1], found[0], strict=True):
         torch.testing.assert_close(ours, theirs, rtol=1e-3, atol=1e-4)
 
