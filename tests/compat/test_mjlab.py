@@ -1,8 +1,11 @@
 """mjlab's camera sensor by our class, in tasks of its own."""
 
 import copy
+import json
+import runpy
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import mujoco_warp
@@ -299,3 +302,15 @@ def test_on_cuda_images_follow_the_simulation() -> None:
         frames.append(env.scene["camera_d405"].data.depth.cpu().numpy().tobytes())
     assert len(set(frames)) == 5
     env.close()
+
+
+def test_a_task_of_mjlab_learns_by_its_own_runner(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    program = Path(__file__).resolve().parents[2] / "examples" / "mjlab_vision.py"
+    monkeypatch.setattr(sys, "argv", [program.name, "--worlds", "2", "--iterations", "1", "--steps", "4"])
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(program), run_name="__main__")
+    told = json.loads((tmp_path / "mjlab-vision" / "returns.json").read_text())
+    assert told["renderer"] == "warpcam" and len(told["curve"]) == 1
+    assert "Mjlab-Lift-Cube-Yam-Rgb, drawn by warpcam: " in capsys.readouterr().out

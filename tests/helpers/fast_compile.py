@@ -20,7 +20,7 @@ from typing import Any
 
 import warp as wp
 
-SIMULATORS = {"mujoco_warp", "newton"}
+SIMULATORS = {"mujoco", "mujoco_warp", "newton"}  # MJX has a MuJoCo-Warp of its own within mujoco
 PRECOMPILED = Path(__file__).with_name("precompiled.h")
 # What templates Warp's headers need themselves is instantiated with them, not in each module.
 INSTANTIATED = "-fpch-instantiate-templates"

@@ -236,6 +236,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/sensors_depth.md": simulated,
     "docs/sensors_stereo.md": simulated,
     "docs/training.md": training,
+    "docs/training_gpus.md": training,
     "docs/usd.md": usd,
     "docs/viewer.md": viewer,
     "docs/compat/dm_control.md": control_suite,

@@ -127,6 +127,8 @@ def test_a_policy_learns_from_pixels(tmp_path: Path, capsys: pytest.CaptureFixtu
     [
         (("--worlds", "0"), "--worlds: 0 came, at least 1 is needed"),
         (("--iterations", "0"), "--iterations: 0 came, at least 1 is needed"),
+        (("--epochs", "0"), "--epochs: 0 came, at least 1 is needed"),
+        (("--mini-batches", "0"), "--mini-batches: 0 came, at least 1 is needed"),
         (("--seed", "-1"), "--seed: -1 came, 0 or more is needed"),
         (("--size", "64"), "--size: '64' came, width x height of at least 16x16 pixels is needed"),
         (("--size", "64x8"), "--size: '64x8' came"),

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from warpcam.train.cartpole import CartPole, SwingUp
     from warpcam.train.images import Crop, Grey, ImageOperation, ImageTransform, Normalize, Resize
     from warpcam.train.mujoco_task import MujocoTask
+    from warpcam.train.pick import Pick
     from warpcam.train.pixel_env import PixelEnv, Step
     from warpcam.train.quadruped import Quadruped
     from warpcam.train.reach import Reach
@@ -27,6 +28,7 @@ _MODULES = {
     "ImageTransform": "images",
     "MujocoTask": "mujoco_task",
     "Normalize": "images",
+    "Pick": "pick",
     "PixelEnv": "pixel_env",
     "Quadruped": "quadruped",
     "Reach": "reach",
@@ -47,6 +49,7 @@ __all__ = [
     "ImageTransform",
     "MujocoTask",
     "Normalize",
+    "Pick",
     "PixelEnv",
     "Quadruped",
     "Reach",

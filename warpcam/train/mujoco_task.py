@@ -15,7 +15,8 @@ from warpcam.core import torch_interop
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.sensors.rig import Rig
-from warpcam.train.images import ImageOperation, ImageTransform
+from warpcam.train.images import ImageOperation, ImageTransform, Normalize
+from warpcam.train.options import COLORS
 from warpcam.train.pixel_env import PixelEnv
 from warpcam.train.starts import Starts
 
@@ -154,14 +155,28 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         """Groups of observations that the policy sees."""
         return (self.image, PROPRIOCEPTION) if self.num_proprioception else (self.image,)
 
-    @property
-    def transforms(self) -> Mapping[str, ImageTransform]:
-        """What becomes of images."""
-        return {self.image: ImageTransform(tuple(self.operations), stack=self.stack)}
+    def transforms(self, colors: str = "float32") -> Mapping[str, ImageTransform]:
+        """What becomes of images; ``colors`` as ``pixels`` has it."""
+        if colors not in COLORS:
+            raise WarpcamError(f"{type(self).__name__}: colors {colors!r} came, one of {', '.join(COLORS)} is needed")
+        operations = tuple(self.operations)
+        if self.output == "rgb" and colors == "uint8":
+            operations = tuple(operation for operation in operations if operation != Normalize())
+        return {self.image: ImageTransform(operations, stack=self.stack)}
 
-    def pixels(self, width: int, height: int, *, capture: bool = True) -> PixelEnv:
-        """Make the batched env of images of which policies learn; ``capture`` as ``PixelEnv`` has it."""
-        return PixelEnv(self, self.eyes(width, height), transforms=self.transforms, state=STATE, capture=capture)
+    def pixels(self, width: int, height: int, *, capture: bool = True, colors: str = "float32") -> PixelEnv:
+        """Make the batched env of images of which policies learn.
+
+        Args:
+            width: Of an image [pixels].
+            height: Likewise.
+            capture: As ``PixelEnv`` has it.
+            colors: "float32" from 0 to 1, or "uint8" from 0 to 255: a quarter of the memory, for models that divide by
+                255 themselves, as those of ``warpcam.train.ppo`` do. Depth is float32.
+        """
+        return PixelEnv(
+            self, self.eyes(width, height), transforms=self.transforms(colors), state=STATE, capture=capture
+        )
 
     def _compile(self) -> mujoco.MjModel:
         """Return the model."""

@@ -8,9 +8,12 @@ TASKS = {
     "cartpole": "balance a pole on a cart",
     "swing-up": "swing it up first",
     "reach": "bring an arm's tool to a sphere that its wrist camera sees",
+    "pick": "grasp a cube and lift it, in worlds that look different",
     "quadruped": "follow a speed over hills on four legs",
 }
 CRITICS = ("state", "pixels")
+COLORS = ("uint8", "float32")
+PRECISIONS = ("float32", "tf32", "bfloat16")
 PROFILED = 10  # iterations of a profile
 
 
@@ -36,4 +39,28 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--profile", action="store_true", help="measure where the time of training goes, and write profile.json alone"
     )
+    parser.add_argument(
+        "--colors",
+        choices=COLORS,
+        default="uint8",
+        help="how colours are stored; depth is float32 (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--precision",
+        choices=PRECISIONS,
+        help="of learning's arithmetic (default: bfloat16 for convolutions on a GPU, float32 on the CPU)",
+    )
+    parser.add_argument(
+        "--channels-last",
+        action=argparse.BooleanOptionalAction,
+        help="order of convolutions in memory (default: on with a GPU)",
+    )
+    parser.add_argument(
+        "--graphs",
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help="step, act and learn as CUDA graphs on a GPU (default: on)",
+    )
+    parser.add_argument("--epochs", type=int, metavar="N", help="of learning from a stretch (default: the task's own)")
+    parser.add_argument("--mini-batches", type=int, metavar="N", help="of each epoch (default: the task's own)")
     parser.add_argument("--out", type=Path, default=Path("warpcam-train"), metavar="DIR", help="default: %(default)s")

@@ -1,6 +1,7 @@
 """PPO of rsl_rl for policies that see images: settings, training, evaluation."""
 
 import contextlib
+import math
 import os
 import statistics
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +12,7 @@ from typing import Any
 import torch
 
 from warpcam.core.errors import WarpcamError
+from warpcam.train.options import PRECISIONS
 from warpcam.train.pixel_env import PixelEnv
 from warpcam.train.ranks import Rank
 from warpcam.train.rsl_rl import RslRlVecEnv
@@ -39,6 +41,9 @@ def settings(
     seed: int = 0,
     encoder: Mapping[str, Any] = ENCODER,
     hidden: Sequence[int] = (128, 64),
+    precision: str = "float32",
+    channels_last: bool = False,
+    graphs: bool = True,
     **ppo: Any,
 ) -> dict[str, Any]:
     """Settings of a runner of rsl_rl, of a size for images of 32 to 96 pixels.
@@ -50,20 +55,35 @@ def settings(
         seed: Of weights and actions.
         encoder: Convolutions of each image: ``cnn_cfg`` of rsl_rl.
         hidden: Widths of the layers behind them.
+        precision: Of the arithmetic; weights and losses are float32. "float32" leaves torch as it is, "tf32" allows it
+            for matrices, and "bfloat16" is "tf32" with convolutions in bfloat16.
+        channels_last: Have the channel be the fastest index of what convolutions read and write.
+        graphs: Act and learn by ``GraphedPPO``, on a GPU as CUDA graphs; False is rsl_rl's own ``PPO``.
         ppo: Settings of PPO other than these, and ``num_steps_per_env``.
     """
+    if precision not in PRECISIONS:
+        raise WarpcamError(f"settings: precision {precision!r} came, one of {', '.join(PRECISIONS)} is needed")
     layers = {"hidden_dims": list(hidden), "activation": "elu"}
-    model = {"class_name": "CNNModel", **layers, "cnn_cfg": dict(encoder)}
+    model = {
+        "class_name": "warpcam.train.image_model:ImageModel",
+        **layers,
+        "cnn_cfg": dict(encoder),
+        "half": precision == "bfloat16",
+        "channels_last": channels_last,
+    }
+    drawn = {"class_name": "warpcam.train.image_model:Gaussian", "init_std": 0.6}
     plain = {"class_name": "MLPModel", **layers, "obs_normalization": True}
     return {
         "seed": seed,
         "num_steps_per_env": ppo.pop("num_steps_per_env", 16),
         "save_interval": 50,
+        "precision": precision,
+        "check_for_nan": not graphs,  # else once in an iteration, by the losses
         "obs_groups": {"actor": list(actor), "critic": list(critic)},
-        "actor": {**model, "distribution_cfg": {"class_name": "GaussianDistribution", "init_std": 0.6}},
+        "actor": {**model, "distribution_cfg": drawn},
         "critic": dict(model) if images else plain,
         "algorithm": {
-            "class_name": "PPO",
+            "class_name": "warpcam.train.graphed_ppo:GraphedPPO" if graphs else "PPO",
             "learning_rate": 1e-3,
             "schedule": "adaptive",
             "desired_kl": 0.02,
@@ -119,14 +139,16 @@ class Training:
             folder.mkdir(parents=True, exist_ok=True)
         with self._quiet():
             self.runner = _Runner(env, config, log_dir=None if folder is None else str(folder), device=str(env.device))
-        logger, log = self.runner.logger, self.runner.logger.log
+        self._fast = config.get("precision", "float32") != "float32"
+        logger, log, episodes = self.runner.logger, self.runner.logger.log, _Episodes(self.runner.logger)
 
         def followed(**values: Any) -> None:
+            episodes.tell()
             log(**values)
             if told is not None:
                 told(values["it"], statistics.mean(logger.rewbuffer) if logger.rewbuffer else None)
 
-        logger.log = followed
+        logger.log, logger.process_env_step = followed, episodes.add
 
     def learn(self, iterations: int, spread: bool = True) -> None:
         """Learn.
@@ -137,7 +159,7 @@ class Training:
                 ``episode_length_buf`` for it.
         """
         self._env.reset()
-        with self._quiet():
+        with self._quiet(), _arithmetic(self._fast):
             self.runner.learn(iterations, init_at_random_ep_len=spread)
 
     def policy(self) -> Policy:
@@ -158,6 +180,56 @@ class Training:
             log = Path(os.devnull) if self._log is None else self._log
             stack.enter_context(contextlib.redirect_stdout(stack.enter_context(log.open("a"))))
             yield
+
+
+class _Episodes:
+    """What rsl_rl's logger is told of episodes, read from the device once in an iteration instead of in each step.
+
+    Args:
+        logger: Of rsl_rl.
+    """
+
+    def __init__(self, logger: Any):
+        self._logger = logger
+        self._ended: list[torch.Tensor] = []
+
+    def add(self, rewards: torch.Tensor, dones: torch.Tensor, extras: dict[str, Any], intrinsic: None = None) -> None:
+        """Count a step of all worlds."""
+        logger = self._logger
+        if logger.writer is None:
+            return
+        logger.ep_extras.append(extras["log"])
+        logger.cur_reward_sum += rewards
+        logger.cur_episode_length += 1
+        ended = dones > 0
+        sums = torch.stack((logger.cur_reward_sum, logger.cur_episode_length))
+        self._ended.append(torch.where(ended, sums, math.nan))
+        logger.cur_reward_sum.masked_fill_(ended, 0.0)
+        logger.cur_episode_length.masked_fill_(ended, 0.0)
+
+    def tell(self) -> None:
+        """Give the logger the returns and the lengths of the episodes that have ended."""
+        if not self._ended:
+            return
+        returns, lengths = torch.stack(self._ended, dim=1).flatten(1).cpu()
+        self._ended.clear()
+        some = ~lengths.isnan()
+        self._logger.rewbuffer.extend(returns[some].tolist())
+        self._logger.lenbuffer.extend(lengths[some].tolist())
+
+
+@contextlib.contextmanager
+def _arithmetic(fast: bool) -> Any:
+    """Allow TF32 for matrices, and let cuDNN measure which of its convolutions is fastest."""
+    before = torch.get_float32_matmul_precision(), torch.backends.cudnn.benchmark
+    if fast:
+        torch.set_float32_matmul_precision("high")
+    torch.backends.cudnn.benchmark = True
+    try:
+        yield
+    finally:
+        torch.set_float32_matmul_precision(before[0])
+        torch.backends.cudnn.benchmark = before[1]
 
 
 def random_policy(env: PixelEnv, seed: int = 0) -> Policy:

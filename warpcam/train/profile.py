@@ -18,15 +18,31 @@ WARM = 3  # iterations before those that are timed
 PARTS = ("simulation", "render", "rewards, resets, observations", "whole step", "policy", "learning", OUTSIDE)
 
 
-def profile(task: MujocoTask, size: tuple[int, int], config: dict[str, Any], iterations: int) -> dict[str, Any]:
+def profile(
+    task: MujocoTask,
+    size: tuple[int, int],
+    config: dict[str, Any],
+    iterations: int,
+    *,
+    graphs: bool = True,
+    colors: str = "float32",
+) -> dict[str, Any]:
     """Learn for some iterations with every part timed, and once more with steps as CUDA graphs where they can be.
+
+    Args:
+        task: What is learned.
+        size: Width and height of an image [pixels].
+        config: Of ``ppo.settings``.
+        iterations: That are timed.
+        graphs: False times steps part by part alone.
+        colors: As ``MujocoTask.pixels`` has it.
 
     Returns:
         ``runs``, one or two: ``captured``, ``steps_per_second``, and by part the milliseconds of one step of all
         worlds on the device and on the host, and the share. A step that is one graph has no parts of its own.
     """
-    hows = (False, True) if can_capture(task.scene.device) else (False,)
-    runs = [_run(task, size, config, iterations, captured) for captured in hows]
+    hows = (False, True) if graphs and can_capture(task.scene.device) else (False,)
+    runs = [_run(task, size, config, iterations, captured, colors) for captured in hows]
     return {"iterations": iterations, "steps_per_iteration": config["num_steps_per_env"], "runs": runs}
 
 
@@ -44,9 +60,9 @@ def show(told: dict[str, Any], screen: Console) -> None:
 
 
 def _run(
-    task: MujocoTask, size: tuple[int, int], config: dict[str, Any], iterations: int, captured: bool
+    task: MujocoTask, size: tuple[int, int], config: dict[str, Any], iterations: int, captured: bool, colors: str
 ) -> dict[str, Any]:
-    pixels = task.pixels(*size, capture=captured)
+    pixels = task.pixels(*size, capture=captured, colors=colors)
     training = ppo.Training(RslRlVecEnv(pixels), copy.deepcopy(config))
     training.learn(WARM)
     sections, algorithm = Sections(pixels.device), training.runner.alg

@@ -46,11 +46,11 @@ def compile_quadruped() -> mujoco.MjModel:
   </body>
 </body>"""
         for joint in ("abduction", "hip", "knee"):
-            servos += f'<position name="{name}_{joint}" joint="{name}_{joint}" kp="40" kv="1" ctrlrange="-2.5 2.5"/>'
+            servos += f'<position name="{name}_{joint}" joint="{name}_{joint}" kp="80" kv="2" ctrlrange="-2.5 2.5"/>'
     model = mujoco.MjModel.from_xml_string(f"""
 <mujoco model="quadruped">
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="0.005" integrator="implicitfast" iterations="6" ls_iterations="10"/>
+  <option timestep="0.005" integrator="implicitfast" iterations="20" ls_iterations="20"/>
   <visual><headlight ambient="0.4 0.4 0.4" diffuse="0.5 0.5 0.5" specular="0 0 0"/></visual>
   <default>
     <joint damping="0.5" armature="0.01"/>
@@ -95,7 +95,7 @@ class Quadruped(MujocoTask):
     ``state``, (world, 48), has beside that the torso's velocity ahead, to the left and up [m/s], and its height above
     the ground [m].
 
-    Reward: from 0 to 1, of the errors e of speed [m/s] and r of the rate [rad/s]: 0.6 exp(-e² / 0.1) +
+    Reward: from 0 to 1, of the errors e of speed [m/s] and r of the rate [rad/s]: 0.6 exp(-e² / 0.25) +
     0.2 exp(-r² / 0.2) + 0.2, times the share of the vertical along the torso's own, times 0.8 to 1 for actions that
     change slowly. Success is e below 0.2 m/s. Episodes last 250 steps of 0.02 s and end earlier where the torso leans
     more than 60 degrees or is less than 0.15 m above the ground.
@@ -191,7 +191,7 @@ class Quadruped(MujocoTask):
 
     def _reward(self, actions: torch.Tensor) -> torch.Tensor:
         turning = self._velocity[:, 5] - self._command[:, 1]
-        follows = 0.6 * torch.exp(-self._error().square() / 0.1) + 0.2 * torch.exp(-turning.square() / 0.2) + 0.2
+        follows = 0.6 * torch.exp(-self._error().square() / 0.25) + 0.2 * torch.exp(-turning.square() / 0.2) + 0.2
         calm = 1.0 - 0.05 * (actions - self._before).square().mean(dim=1)
         return follows * self._up()[:, 2].clamp(min=0.0) * calm
 

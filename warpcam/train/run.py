@@ -42,7 +42,11 @@ def run(options: argparse.Namespace) -> int:
     task = kind(options.worlds, device=rank.device(options.device), seed=rank.seed(options.seed))
     from_pixels = options.critic == "pixels"
     config = ppo.settings(
-        task.groups, task.groups if from_pixels else [STATE], images=from_pixels, seed=options.seed, **kind.ppo
+        task.groups,
+        task.groups if from_pixels else [STATE],
+        images=from_pixels,
+        seed=options.seed,
+        **{**kind.ppo, **_chosen(options, on_gpu=task.scene.device.is_cuda)},
     )
     told_of: dict[str, Any] = {
         "task": options.task,
@@ -52,11 +56,17 @@ def run(options: argparse.Namespace) -> int:
         "size": [width, height],
         "seed": options.seed,
         "critic": options.critic,
+        "colors": options.colors,
+        "graphs": options.graphs,
+        "precision": config["precision"],
+        "channels_last": config["actor"]["channels_last"],
+        "epochs": config["algorithm"]["num_learning_epochs"],
+        "mini_batches": config["algorithm"]["num_mini_batches"],
     }
     if options.profile:
         return _profile(task, (width, height), config, options, told_of)
     iterations = options.iterations or kind.iterations
-    pixels = task.pixels(width, height)
+    pixels = task.pixels(width, height, capture=options.graphs, colors=options.colors)
     steps = rank.count * options.worlds * config["num_steps_per_env"]
     longest = task.max_episode_length
     if rank.writes:
@@ -81,6 +91,18 @@ def run(options: argparse.Namespace) -> int:
             print(options.out / name)
     rank.close()
     return 0
+
+
+def _chosen(options: argparse.Namespace, on_gpu: bool) -> dict[str, Any]:
+    """Settings of ``ppo.settings`` that the command line chooses, or the device."""
+    chosen = {
+        "precision": options.precision or ("bfloat16" if on_gpu else "float32"),
+        "channels_last": on_gpu if options.channels_last is None else options.channels_last,
+        "graphs": options.graphs,
+        "num_learning_epochs": options.epochs,
+        "num_mini_batches": options.mini_batches,
+    }
+    return {name: value for name, value in chosen.items() if value is not None}
 
 
 def _learn(
@@ -139,7 +161,9 @@ def _profile(
 ) -> int:
     from warpcam.train import profile
 
-    told_of |= profile.profile(task, size, config, options.iterations or PROFILED)
+    told_of |= profile.profile(
+        task, size, config, options.iterations or PROFILED, graphs=options.graphs, colors=options.colors
+    )
     profile.show(told_of, Console())
     path = options.out / "profile.json"
     path.write_text(json.dumps(told_of, indent=1) + "\n")
@@ -149,9 +173,10 @@ def _profile(
 
 def _checked(options: argparse.Namespace) -> tuple[int, int]:
     """Width and height of an image."""
-    for name, value in (("worlds", options.worlds), ("iterations", options.iterations)):
+    for name in ("worlds", "iterations", "epochs", "mini_batches"):
+        value = getattr(options, name)
         if value is not None and value < 1:
-            raise WarpcamError(f"--{name}: {value} came, at least 1 is needed")
+            raise WarpcamError(f"--{name.replace('_', '-')}: {value} came, at least 1 is needed")
     if options.profile and Rank.here().count > 1:
         raise WarpcamError("--profile: several processes came, it measures one alone")
     if options.seed < 0:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from warpcam.train.cartpole import CartPole, SwingUp
 from warpcam.train.mujoco_task import MujocoTask
+from warpcam.train.pick import Pick
 from warpcam.train.quadruped import Quadruped
 from warpcam.train.reach import Reach
 
@@ -11,5 +12,6 @@ TASKS: Mapping[str, type[MujocoTask]] = {
     "cartpole": CartPole,
     "swing-up": SwingUp,
     "reach": Reach,
+    "pick": Pick,
     "quadruped": Quadruped,
 }
