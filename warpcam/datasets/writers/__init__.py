@@ -1,0 +1,32 @@
+"""File formats of labelled images: each writes shards, and merges what shards have in common."""
+
+from collections.abc import Mapping
+from importlib import import_module
+
+from warpcam.core.errors import WarpcamError
+from warpcam.datasets.writers.writer import Writer
+
+# Module and class of each format, and the packages that it needs.
+WRITERS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
+    "coco": ("coco", "CocoWriter", ("pycocotools",)),
+}
+
+
+def find_writer(name: str) -> type[Writer]:
+    """Class of a format.
+
+    Raises:
+        WarpcamError: There is no such format, or a package that it needs is not installed.
+    """
+    if name not in WRITERS:
+        raise WarpcamError(f"--writer: {name!r} came; there are {', '.join(WRITERS)}")
+    module, kind, packages = WRITERS[name]
+    for package in packages:
+        try:
+            import_module(package)
+        except ModuleNotFoundError:
+            raise WarpcamError(
+                f"{package} is not installed, and {name} needs it: pip install 'warpcam[{name}]'"
+            ) from None
+    found: type[Writer] = getattr(import_module(f"warpcam.datasets.writers.{module}"), kind)
+    return found
