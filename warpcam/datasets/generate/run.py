@@ -89,7 +89,7 @@ def merge_shards(plan: Plan, folder: ShardFolder) -> None:
 
 def write_manifest(plan: Plan, folder: ShardFolder, complete: bool, more: dict[str, Any]) -> None:
     """Write the manifest: format, versions, parameters, and whether all shards are merged."""
-    versions = {}
+    versions: dict[str, str | None] = {}
     for package in (*PACKAGES, *WRITERS[plan.writer][2]):
         try:
             versions[package] = version(package)

@@ -105,19 +105,22 @@ class ShardFolder:
         write_json(temporary, {**more, "count": self._plan.count, "parameters": parameters}, indent=1)
         temporary.replace(self.out / MANIFEST)
 
+    def _has_shards(self) -> bool:
+        return any(self.root.glob("[0-9]*"))
+
     def _check_manifest(self) -> None:
         path = self.out / MANIFEST
         if not path.exists():
-            if any(each.name != LOCK for each in self.out.iterdir() if each != self.root) or any(
-                self.root.glob("[0-9]*")
-            ):
+            if any(each.name != LOCK and each != self.root for each in self.out.iterdir()) or self._has_shards():
                 raise WarpcamError(f"dataset: folder {str(self.out)!r} has other files; give an empty or a new folder")
             return
         try:
             old = json.loads(path.read_text())
             parameters, count = old["parameters"], old["count"]
-        except (ValueError, KeyError) as error:
+        except (ValueError, KeyError, TypeError) as error:
             raise WarpcamError(f"dataset: {str(path)!r} is no manifest: {error}") from None
+        if not self._has_shards():  # a run that ended before its first shard
+            return
         if names := different(parameters, self._plan.parameters()):
             raise WarpcamError(
                 f"dataset: folder {str(self.out)!r} has another data set, made with other {', '.join(names)}; give the "

@@ -97,10 +97,10 @@ class Worlds:
         found = self._labels.read()
         hosts = {}
         for name, key in self._keys.items():
-            arrays = {output: images[key][output][:count].cpu().numpy() for output in (self._color, "depth", self._ids)}
-            labels = {field: getattr(found[key], field)[:count].cpu().numpy() for field in IMAGE_LABELS}
-            hosts[name] = arrays, labels, self._renderer.views(key).numpy()
-        ids = self._labels.ids[:count].cpu().numpy()
+            arrays = {output: _on_host(images[key][output][:count]) for output in (self._color, "depth", self._ids)}
+            labels = {field: _on_host(getattr(found[key], field)[:count]) for field in IMAGE_LABELS}
+            hosts[name] = arrays, labels, self._renderer.views(key).numpy().copy()
+        ids = _on_host(self._labels.ids[:count])
         for place, sample in enumerate(samples):
             for number, name in enumerate(self.cameras):
                 yield self._frame(sample, number, name, place, ids[place], *hosts[name])
@@ -139,7 +139,7 @@ class Worlds:
     def _choose_classes(self, scene: warpcam.Scene) -> None:
         """Find what is labelled: names, and the class of each instance."""
         recipe = self._recipes.labels
-        self._by = recipe.by or self._source.default_grouping()
+        self._by: Any = recipe.by or self._source.default_grouping()
         names = self._source.names(self._by)
         drawn = set(find_instances(scene, self._by, None).ids.ravel().tolist())
         self._names = {number: name for number, name in sorted(names.items()) if number in drawn}
@@ -260,6 +260,12 @@ class Worlds:
         )
 
 
+def _on_host(tensor: torch.Tensor) -> np.ndarray:
+    """A copy, also of memory of the host: the next samples are drawn into that while these are encoded."""
+    copied: np.ndarray = tensor.to("cpu", copy=True).numpy()
+    return copied
+
+
 def _box(numbers: np.ndarray) -> tuple[int, int, int, int]:
     left, top, right, bottom = map(int, numbers)
     return left, top, right, bottom
@@ -268,4 +274,5 @@ def _box(numbers: np.ndarray) -> tuple[int, int, int, int]:
 def _recipe(draw: Draw, rows: Any) -> Any:
     if draw.choice is not None:
         return warpcam.Choice(list(draw.choice), rows=rows)
-    return warpcam.Uniform(draw.low, draw.high, of=draw.of, rows=rows, linked=draw.linked)
+    of: Any = draw.of
+    return warpcam.Uniform(draw.low, draw.high, of=of, rows=rows, linked=draw.linked)
