@@ -9,6 +9,10 @@ from warpcam.datasets.writers.writer import Writer
 # Module and class of each format, and the packages that it needs.
 WRITERS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "coco": ("coco", "CocoWriter", ("pycocotools",)),
+    "hdf5": ("hdf5", "Hdf5Writer", ("h5py",)),
+    "webdataset": ("webdataset", "WebDatasetWriter", ("webdataset",)),
+    "kitti": ("kitti", "KittiWriter", ()),
+    "yolo": ("yolo", "YoloWriter", ()),
 }
 
 
@@ -26,7 +30,7 @@ def find_writer(name: str) -> type[Writer]:
             import_module(package)
         except ModuleNotFoundError:
             raise WarpcamError(
-                f"{package} is not installed, and {name} needs it: pip install 'warpcam[{name}]'"
+                f"{package} is not installed, and {name} needs it: pip install 'warpcam[datasets]'"
             ) from None
     found: type[Writer] = getattr(import_module(f"warpcam.datasets.writers.{module}"), kind)
     return found
