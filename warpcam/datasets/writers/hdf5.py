@@ -4,6 +4,7 @@ import json
 from typing import Any, ClassVar
 
 import h5py
+import numpy as np
 
 from warpcam.datasets.generate.frames import Frame
 from warpcam.datasets.writers.labels_table import as_json
@@ -25,7 +26,7 @@ class Hdf5Writer(Writer):
     def __init__(self, layout: ShardLayout):
         super().__init__(layout)
         self._count = 0
-        self._file = h5py.File(layout.folder / "samples.h5", "w", libver="latest")
+        self._file = h5py.File(layout.folder / "samples.h5", "w")
         self._file.attrs["classes"], self._file.attrs["cameras"] = list(layout.classes), list(layout.cameras)
         size, packed = (layout.height, layout.width), {}
         if layout.options["compress"]:
@@ -51,7 +52,7 @@ class Hdf5Writer(Writer):
     @classmethod
     def merge(cls, merge: Merge) -> None:
         counts = [shard.record["statistics"]["frames"] for shard in merge.shards]
-        total, size = sum(counts), (merge.height, merge.width)
+        size = (merge.height, merge.width)
         kinds: dict[str, tuple[Any, tuple[int, ...]]] = {
             "rgb": ("u1", (*size, 3)),
             "depth": ("f4", size),
@@ -60,13 +61,30 @@ class Hdf5Writer(Writer):
             "labels": (h5py.string_dtype(), ()),
         }
         temporary = merge.out / "dataset.h5.tmp"
-        with h5py.File(temporary, "w", libver="latest") as file:
+        with h5py.File(temporary, "w") as file:
             file.attrs["classes"], file.attrs["cameras"] = list(merge.classes), list(merge.cameras)
             for name, (dtype, shape) in kinds.items():
-                layout, first = h5py.VirtualLayout((total, *shape), dtype), 0
-                for shard, count in zip(merge.shards, counts, strict=True):
-                    path = f"{shard.path.relative_to(merge.out).as_posix()}/samples.h5"
-                    layout[first : first + count] = h5py.VirtualSource(path, name, (count, *shape), dtype)
-                    first += count
-                file.create_virtual_dataset(name, layout)
+                parts = [
+                    (f"{shard.path.relative_to(merge.out).as_posix()}/samples.h5", count)
+                    for shard, count in zip(merge.shards, counts, strict=True)
+                ]
+                _create_virtual(file, name, h5py.h5t.py_create(np.dtype(dtype), logical=True), shape, parts)
         temporary.replace(merge.out / "dataset.h5")
+
+
+def _create_virtual(file: Any, name: str, kind: Any, shape: tuple[int, ...], parts: list[tuple[str, int]]) -> None:
+    """Create a dataset that shows those of several files one after another, without the time when it was made.
+
+    h5py's own function has no way to leave that away, and the same data set would never be the same file.
+    """
+    space = h5py.h5s.create_simple((sum(count for _, count in parts), *shape))
+    settings = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    settings.set_obj_track_times(False)
+    first = 0
+    for path, count in parts:
+        space.select_hyperslab((first, *(0 for _ in shape)), (count, *shape))
+        source = h5py.h5s.create_simple((count, *shape))
+        settings.set_virtual(space, path.encode(), name.encode(), source)
+        first += count
+    space.select_all()
+    h5py.h5d.create(file.id, name.encode(), kind, space, settings)
