@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import webdataset
 import yaml
-from dataset_plans import files_of, plan_of
+from dataset_plans import RECIPES, files_of, plan_of
 from PIL import Image, ImageDraw
 
 from warpcam.core.rotations import rotation_matrices
@@ -166,3 +166,54 @@ def test_webdataset_depth(tmp_path: Path) -> None:
         units = np.asarray(Image.open(io.BytesIO(raw["depth.png"])))
         expected = np.where(np.isfinite(frame.depth), np.round(1000.0 * frame.depth), 0.0)
         np.testing.assert_allclose(units, expected, atol=1)
+
+
+def test_bop(tmp_path: Path) -> None:
+    close = RECIPES.replace("radius: [1.6, 2.6]", "radius: [0.9, 1.6]")
+    out, _, frames = made(tmp_path, "bop", recipes=close, options=(("depth_scale", 0.5),))
+    assert json.loads((out / "objects.json").read_text()) == {"1": "box", "2": "round"}
+    camera = json.loads((out / "camera.json").read_text())
+    assert (camera["width"], camera["height"], camera["depth_scale"]) == (64, 48, 0.5)
+    cut = 0
+    for frame in frames:
+        scene, key = out / "train_pbr" / f"{frame.number // 3:06d}", str(frame.number % 3)
+        cameras, poses, infos = (
+            json.loads((scene / f"scene_{name}.json").read_text())[key] for name in ("camera", "gt", "gt_info")
+        )
+        matrix = np.reshape(cameras["cam_K"], (3, 3))
+        to_camera, shift = np.reshape(cameras["cam_R_w2c"], (3, 3)), np.array(cameras["cam_t_w2c"])
+        np.testing.assert_allclose(to_camera @ (1000.0 * frame.camera_position) + shift, 0.0, atol=1e-3)
+        depth = np.asarray(Image.open(scene / "depth" / f"{int(key):06d}.png")).astype(float)
+        there = np.isfinite(frame.depth)
+        np.testing.assert_allclose(0.5 * depth[there], 1000.0 * frame.depth[there], atol=0.26)
+        assert not depth[~there].any()
+        np.testing.assert_array_equal(np.asarray(Image.open(scene / "rgb" / f"{int(key):06d}.png")), frame.colors)
+        assert len(poses) == len(infos) == len(frame.instances) == 3
+        for place, (pose, info, instance) in enumerate(zip(poses, infos, frame.instances, strict=True)):
+            assert pose["obj_id"] == instance.category + 1
+            rotation = np.reshape(pose["cam_R_m2c"], (3, 3))
+            signs = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)]) * 2.0 - 1.0
+            corners = 1000.0 * (instance.box_center + signs * instance.half_extents)
+            points = (corners @ rotation.T + pose["cam_t_m2c"]) @ matrix.T
+            np.testing.assert_allclose(points[:, :2] / points[:, 2:] + 0.5, instance.corners, atol=0.05)
+            name = f"{int(key):06d}_{place:06d}.png"
+            whole, seen = (np.asarray(Image.open(scene / kind / name)) for kind in ("mask", "mask_visib"))
+            assert set(np.unique(whole)) <= {0, 255} and not (seen & ~whole).any()
+            np.testing.assert_array_equal(seen > 0, frame.mask(instance))
+            count = np.count_nonzero(whole)
+            assert count == instance.amodal_pixels and info["px_count_visib"] == np.count_nonzero(seen)
+            assert info["px_count_valid"] == np.count_nonzero(depth[whole > 0])
+            assert info["px_count_all"] == count or (instance.truncated and info["px_count_all"] > count)
+            assert info["visib_fract"] == pytest.approx(info["px_count_visib"] / max(info["px_count_all"], 1))
+            if not seen.any():
+                assert info["bbox_obj"] == info["bbox_visib"] == [-1, -1, -1, -1]
+                continue
+            rows, columns = np.nonzero(seen)
+            left, top, width, height = info["bbox_visib"]
+            assert (left, left + width, top, top + height) == (columns.min(), columns.max(), rows.min(), rows.max())
+            rows, columns = np.nonzero(whole)
+            left, top, width, height = info["bbox_obj"]
+            assert left <= columns.min() and left + width >= columns.max()
+            assert top <= rows.min() and top + height >= rows.max()
+            cut += left < 0 or top < 0 or left + width > 63 or top + height > 47
+    assert cut > 2  # silhouettes go on beyond the edges

@@ -25,6 +25,9 @@ class Instance:
         half_extents: Of its box [m].
         corners: (8, 2) pixels of the box's corners.
         depth: Planar depth of the box's centre [m].
+        whole_box: Of the instance alone, also beyond the image's edges; the amodal box unless the writer needs it.
+        whole_pixels: Likewise.
+        amodal_mask: (height, width) uint8, 1 where the instance alone would be; None unless the writer needs it.
         keypoints: (keypoint, 3): column and row [pixels], and COCO's visibility; those of its own body alone.
     """
 
@@ -43,6 +46,9 @@ class Instance:
     half_extents: np.ndarray
     corners: np.ndarray
     depth: float
+    whole_box: tuple[int, int, int, int]
+    whole_pixels: int
+    amodal_mask: np.ndarray | None
     keypoints: np.ndarray
 
 

@@ -116,13 +116,11 @@ def _merge_of(plan: Plan, folder: ShardFolder, shards: Sequence[FinishedShard]) 
 
 def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, progress: Progress) -> None:
     kind, samples = find_writer(plan.writer), plan.samples(shard)
-    if kind.pinhole and not all(worlds.pinhole.values()):
-        name = next(name for name, pinhole in worlds.pinhole.items() if not pinhole)
-        raise WarpcamError(f"--writer: {plan.writer} has pinhole cameras alone, and {name!r} has another lens")
     temporary = folder.begin(shard)
     layout = ShardLayout(
         folder=temporary,
         frames=len(samples) * len(worlds.cameras),
+        first=samples.start * len(worlds.cameras),
         cameras=worlds.cameras,
         classes=worlds.classes,
         keypoint_names=worlds.keypoint_names,

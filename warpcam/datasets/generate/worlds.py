@@ -23,12 +23,16 @@ from warpcam.datasets.generate.mujoco_scene import MujocoScene
 from warpcam.datasets.generate.plan import Plan
 from warpcam.datasets.generate.random_numbers import generator, seed_of
 from warpcam.datasets.generate.recipes import Draw
+from warpcam.datasets.generate.whole_silhouettes import WholeSilhouettes
+from warpcam.datasets.writers import find_writer
 from warpcam.labeling.instances import OUTPUT_OF, find_instances
 from warpcam.render.drawn_cameras import drawn_cameras
 from warpcam.sources.common import formats
 
 IMAGE_LABELS = tuple(
-    field.name for field in dataclasses.fields(warpcam.CameraLabels) if field.name != "keypoint_depths"
+    field.name
+    for field in dataclasses.fields(warpcam.CameraLabels)
+    if field.name not in ("keypoint_depths", "amodal_masks")
 )
 
 
@@ -42,7 +46,7 @@ class Worlds:
     """
 
     def __init__(self, plan: Plan):
-        self._plan, self._recipes = plan, plan.recipes
+        self._plan, self._recipes, writer = plan, plan.recipes, find_writer(plan.writer)
         self.device = resolve(plan.device)
         kind = Path(plan.scene).suffix.lower()
         self._source: Any = (MujocoScene if kind in formats.MUJOCO else FileScene)(plan, self.device)
@@ -69,7 +73,8 @@ class Worlds:
         self._keys = dict(zip(self._chosen, (camera.name for camera in made), strict=True))
         self._renderer = warpcam.Renderer(scene, made)
         keypoints = self._source.keypoints() if self._recipes.labels.keypoints else {}
-        self._labels = warpcam.labels(self._renderer, by=self._by, ids=list(self._category_of), keypoints=keypoints)
+        ids = list(self._category_of)
+        self._labels = warpcam.labels(self._renderer, by=self._by, ids=ids, masks=writer.masks, keypoints=keypoints)
         self._keypoint_bodies = np.array([body for body, _ in keypoints.values()], np.int64)
         self.keypoint_names = self._keypoints_of_classes(list(keypoints))
         self._rig = None
@@ -77,7 +82,11 @@ class Worlds:
             measured = {self._keys[name]: found for name, found in effects.items()}
             self._rig = sensors.Rig(self._renderer, measured, by_world=False)
         _, drawn = drawn_cameras(self._renderer, "dataset")
-        self.pinhole = {name: drawn[self._keys[name]].projection == "pinhole" for name in self.cameras}
+        self._pinhole = {name: drawn[self._keys[name]].projection == "pinhole" for name in self.cameras}
+        if writer.pinhole and not all(self._pinhole.values()):
+            name = next(name for name, pinhole in self._pinhole.items() if not pinhole)
+            raise WarpcamError(f"--writer: {plan.writer} has pinhole cameras alone, and {name!r} has another lens")
+        self._whole = WholeSilhouettes(self._renderer, made, self._by, ids, self._ids) if writer.whole else None
 
     def draw(self, samples: Sequence[int]) -> Iterator[Frame]:
         """Draw at most as many samples as there are worlds, and yield their images, sample after sample.
@@ -95,10 +104,15 @@ class Worlds:
             self._place_camera(name, recipe, padded)
         images = self._look(padded)
         found = self._labels.read()
+        whole = {} if self._whole is None else self._whole.read()
         hosts = {}
         for name, key in self._keys.items():
             arrays = {output: _on_host(images[key][output][:count]) for output in (self._color, "depth", self._ids)}
             labels = {field: _on_host(getattr(found[key], field)[:count]) for field in IMAGE_LABELS}
+            boxes, pixels = whole.get(key, (found[key].amodal_boxes, found[key].amodal_pixels))
+            labels |= {"whole_boxes": _on_host(boxes[:count]), "whole_pixels": _on_host(pixels[:count])}
+            if (masks := found[key].amodal_masks) is not None:
+                labels["amodal_masks"] = _on_host(masks[:count])
             hosts[name] = arrays, labels, self._renderer.views(key).numpy().copy()
         ids = _on_host(self._labels.ids[:count])
         for place, sample in enumerate(samples):
@@ -213,7 +227,7 @@ class Worlds:
             colors=self._composed(images[self._color][place], sample, name),
             depth=images["depth"][place, ..., 0],
             ids=images[self._ids][place, ..., 0],
-            intrinsics=pinhole if self.pinhole[name] else None,
+            intrinsics=pinhole if self._pinhole[name] else None,
             camera_position=np.array(view["origin"], np.float64),
             camera_rotation=np.array(view["rotation"], np.float64).reshape(3, 3),
             instances=tuple(
@@ -256,6 +270,9 @@ class Worlds:
             half_extents=labels["half_extents"][row].astype(np.float64),
             corners=labels["corners"][row],
             depth=float(labels["depths"][row]),
+            whole_box=_box(labels["whole_boxes"][row]),
+            whole_pixels=int(labels["whole_pixels"][row]),
+            amodal_mask=labels["amodal_masks"][row] if "amodal_masks" in labels else None,
             keypoints=keypoints.reshape(len(mine), 3),
         )
 

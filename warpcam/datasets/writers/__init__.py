@@ -9,6 +9,7 @@ from warpcam.datasets.writers.writer import Writer
 # Module and class of each format, and the packages that it needs.
 WRITERS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "coco": ("coco", "CocoWriter", ("pycocotools",)),
+    "bop": ("bop", "BopWriter", ()),
     "hdf5": ("hdf5", "Hdf5Writer", ("h5py",)),
     "webdataset": ("webdataset", "WebDatasetWriter", ("webdataset",)),
     "kitti": ("kitti", "KittiWriter", ()),

@@ -19,6 +19,7 @@ class ShardLayout:
     Attributes:
         folder: Temporary folder of the shard.
         frames: How many there will be.
+        first: Number of the first one.
         cameras: Names of the cameras.
         classes: Names of the classes.
         keypoint_names: Names of the keypoints, by class.
@@ -31,6 +32,7 @@ class ShardLayout:
 
     folder: Path
     frames: int
+    first: int
     cameras: tuple[str, ...]
     classes: tuple[str, ...]
     keypoint_names: tuple[tuple[str, ...], ...]
@@ -85,11 +87,15 @@ class Writer(ABC):
     Attributes:
         root: Name of the folder of the shards.
         pinhole: True if all cameras must have a pinhole lens.
+        masks: True if frames need amodal masks.
+        whole: True if frames need boxes and pixels beyond the image's edges.
         options: Default of each option that the format takes.
     """
 
     root: ClassVar[str] = "shards"
     pinhole: ClassVar[bool] = False
+    masks: ClassVar[bool] = False
+    whole: ClassVar[bool] = False
     options: ClassVar[Mapping[str, Any]] = {}
 
     def __init__(self, layout: ShardLayout):
