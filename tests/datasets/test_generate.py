@@ -217,7 +217,7 @@ def test_mistakes_in_recipes(text: str, said: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--writer", "cocoa"], "--writer: 'cocoa' came; there are coco"),
+        (["--writer", "cocoa"], "--writer: 'cocoa' came; there are coco, bop"),
         (["--count", "0"], "count must be a whole number from 1"),
         (["--option", "min_pixel=3"], "--option: 'min_pixel' came; options of this writer are: min_pixels"),
         (["--option", "min_pixels=some"], "a number, true or false is needed"),
@@ -236,3 +236,43 @@ def test_mistakes_on_the_command_line(
     assert cli.main([*plain, "--out", str(tmp_path / "out"), *arguments]) == 2
     printed = capsys.readouterr().err
     assert printed.startswith("warpcam: ") and said in printed and len(printed.splitlines()) == 1
+
+
+def test_the_example(tmp_path: Path) -> None:
+    recipes = Path(__file__).parents[2] / "examples" / "dataset.yaml"
+    options = ("--size", "64x48", "--antialiasing", "1", "--device", "cpu", "--worlds", "2")
+    arguments = ["dataset", "--writer", "yolo", "--count", "2", "--randomize", str(recipes), *options]
+    assert cli.main([*arguments, "--out", str(tmp_path / "out")]) == 0
+    statistics = json.loads((tmp_path / "out" / "statistics.json").read_text())
+    assert statistics["classes"] == ["ball", "block", "can", "egg", "pill", "vase"] and sum(statistics["instances"]) > 6
+
+
+def test_scenes_of_other_files(tmp_path: Path) -> None:
+    usd = pytest.importorskip("pxr.Usd", reason="needs USD: pip install warpcam[usd]")
+    geometry = pytest.importorskip("pxr.UsdGeom")
+    stage = usd.Stage.CreateNew(str(tmp_path / "scene.usda"))
+    geometry.SetStageMetersPerUnit(stage, 1.0)
+    geometry.SetStageUpAxis(stage, "Z")
+    for name, place in (("Mug", 0.0), ("Ball", 1.5)):
+        sphere = geometry.Sphere.Define(stage, f"/World/{name}")
+        sphere.AddTranslateOp().Set((place, 0.0, 0.0))
+        sphere.CreateRadiusAttr(0.4)
+    stage.Save()
+    text = """
+poses: {/World/Ball: {low: [1, -1, 0], high: [2, 1, 1]}}
+cameras: {orbit: {shell: {radius: 5, target: [0, 0, 0]}}}
+labels: {by: shape, classes: {mug: Mug, ball: /World/Ball}}
+"""
+    plan = plan_of(tmp_path, recipes=text, worlds=4)
+    worlds = Worlds(dataclasses.replace(plan, scene=str(tmp_path / "scene.usda")))
+    places = []
+    for frame in worlds.draw(range(4)):
+        at = {each.name: frame.camera_position + frame.camera_rotation @ each.position for each in frame.instances}
+        np.testing.assert_allclose(at["/World/Mug"], 0.0, atol=1e-5)
+        places.append(at["/World/Ball"])
+        assert {each.name: frame.classes[each.category] for each in frame.instances} == {
+            "/World/Mug": "mug",
+            "/World/Ball": "ball",
+        }
+    assert len(np.unique(np.round(places, 4), axis=0)) == 4
+    assert np.min(places, axis=0)[0] >= 1.0 and np.max(places, axis=0)[0] <= 2.0

@@ -1,6 +1,7 @@
 """Worlds of a data set: a scene, a renderer, labels and sensors, which draw any samples."""
 
 import dataclasses
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -157,7 +158,8 @@ class Worlds:
         names = self._source.names(self._by)
         drawn = set(find_instances(scene, self._by, None).ids.ravel().tolist())
         self._names = {number: name for number, name in sorted(names.items()) if number in drawn}
-        short = {number: name.rsplit("/", 1)[-1] for number, name in self._names.items()}
+        # The last part of a path, and of copies that have numbers what they are copies of.
+        short = {number: re.sub(r"\[\d+\]$", "", name.rsplit("/", 1)[-1]) for number, name in self._names.items()}
         if recipe.classes is None:
             self.classes = tuple(dict.fromkeys(short.values()))
             self._category_of = {number: self.classes.index(name) for number, name in short.items()}
