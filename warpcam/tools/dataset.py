@@ -84,8 +84,20 @@ def run(options: argparse.Namespace) -> int:
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
     with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
-        samples = progress.add_task("samples", total=plan.count)
-        generate(plan, options.workers, lambda done: progress.advance(samples, done))
+        samples, told = progress.add_task("samples", total=plan.count), False
+
+        def advance(done: int) -> None:
+            nonlocal told
+            if told:
+                progress.advance(samples, done)
+            else:  # those of earlier runs, which are no part of the rate
+                progress.reset(samples, completed=done)
+            told = True
+
+        try:
+            generate(plan, options.workers, advance)
+        except KeyboardInterrupt:
+            raise WarpcamError("dataset: interrupted; run the same command again to go on") from None
     print(f"{plan.count:,} samples in {plan.out}; look at contact_sheet.png and statistics.html")
     return 0
 
