@@ -262,17 +262,20 @@ def test_scenes_of_other_files(tmp_path: Path) -> None:
 poses: {/World/Ball: {low: [1, -1, 0], high: [2, 1, 1]}}
 cameras: {orbit: {shell: {radius: 5, target: [0, 0, 0]}}}
 labels: {by: shape, classes: {mug: Mug, ball: /World/Ball}}
+distractors: {count: [0, 4], low: [-1, -1, 0.5], high: [1, 1, 1], size: [0.1, 0.2]}
 """
     plan = plan_of(tmp_path, recipes=text, worlds=4)
     worlds = Worlds(dataclasses.replace(plan, scene=str(tmp_path / "scene.usda")))
-    places = []
+    places, seen = [], []
     for frame in worlds.draw(range(4)):
         at = {each.name: frame.camera_position + frame.camera_rotation @ each.position for each in frame.instances}
         np.testing.assert_allclose(at["/World/Mug"], 0.0, atol=1e-5)
         places.append(at["/World/Ball"])
+        seen.append(len(np.unique(frame.ids[frame.ids >= 0])))
         assert {each.name: frame.classes[each.category] for each in frame.instances} == {
             "/World/Mug": "mug",
             "/World/Ball": "ball",
         }
     assert len(np.unique(np.round(places, 4), axis=0)) == 4
+    assert max(seen) > 3 and len(set(seen)) > 1  # distractors, not the same number in all samples
     assert np.min(places, axis=0)[0] >= 1.0 and np.max(places, axis=0)[0] <= 2.0

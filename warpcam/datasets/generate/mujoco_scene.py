@@ -6,14 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 import warp as wp
 
 import warpcam
 from warpcam.core.errors import WarpcamError
+from warpcam.datasets.generate.distractor_pool import DistractorPool
 from warpcam.datasets.generate.image_files import image_files, read_texture
 from warpcam.datasets.generate.placements import placed
 from warpcam.datasets.generate.plan import Plan
-from warpcam.datasets.generate.random_numbers import any_rotation, apart, generator, seed_of
+from warpcam.datasets.generate.random_numbers import seed_of
 from warpcam.datasets.generate.recipes import Distractors, Draw, Textures
 from warpcam.sources.mujoco import batch_file
 
@@ -56,8 +58,9 @@ class MujocoScene:
         self._batch = batch_file.put(self.host, state, num_worlds=plan.worlds, device=device, path=path)
         self.scene = warpcam.from_mujoco_warp(self.host, self._batch.model, self._batch.data)
         if recipes.distractors:
-            self._pool = np.array([self.host.geom(self._distractor(k)).id for k in range(self._pool_size)])
-            self._mocaps = self.host.body_mocapid[self.host.geom_bodyid[self._pool]]
+            count = len(self._pool.things)
+            self._pool_geoms = np.array([self.host.geom(self._distractor(k)).id for k in range(count)], np.int64)
+            self._mocaps = self.host.body_mocapid[self.host.geom_bodyid[self._pool_geoms]]
             self.scene.vary("shape_colors")
 
     def names(self, by: str) -> dict[int, str]:
@@ -108,7 +111,9 @@ class MujocoScene:
                     first = int(self.host.jnt_qposadr[self.host.body_jntadr[body.id]])
                     joints[world, first : first + 7] = pose
             if self._recipes.distractors:
-                self._place_distractors(sample, taken, positions[world], rotations[world])
+                for number, pose in self._pool.poses(sample, taken).items():
+                    mocap = self._mocaps[number]
+                    positions[world, mocap], rotations[world, mocap] = pose[:3], pose[3:]
         data = self._batch.data
         data.qpos.assign(joints.astype(np.float32))
         if self.host.nmocap:
@@ -118,19 +123,12 @@ class MujocoScene:
 
     def finish_looks(self, samples: Sequence[int]) -> None:
         """Colour the distractors of each sample, and hide those that it lacks; after all other draws."""
-        recipe = self._recipes.distractors
-        if recipe is None:
+        if self._recipes.distractors is None:
             return
-        colors = np.zeros((len(samples), self._pool_size, 4), np.float32)
-        for world, sample in enumerate(samples):
-            random = generator(self._plan.seed, sample, "distractor colours")
-            chosen = self._chosen(sample)
-            colors[world, chosen, :3] = random.uniform(0.05, 0.95, (len(chosen), 3))
-            colors[world, chosen, 3] = 1.0
-        import torch
-
+        colors = np.stack([self._pool.colors(sample) for sample in samples])
         tensor = self.scene.vary("shape_colors")
-        tensor[:, torch.as_tensor(self._pool, device=tensor.device)] = torch.from_numpy(colors).to(tensor.device)
+        columns = torch.as_tensor(self._pool_geoms, device=tensor.device)
+        tensor[:, columns] = torch.from_numpy(colors).to(tensor.device)
 
     def _choose_bodies(self, spec: Any, mujoco: Any) -> None:
         """Bodies that the recipes place, by name; those that nothing moves are made free to be placed."""
@@ -191,41 +189,18 @@ class MujocoScene:
         self.draws["material_texture_repeat"] = Draw(*recipe.repeat, rows=rows, linked=True)
 
     def _add_distractors(self, spec: Any, mujoco: Any, recipe: Distractors | None) -> None:
-        """Add bodies of which each sample has some, of sizes and kinds that follow from the seed."""
+        """Add bodies of which each sample has some."""
         if recipe is None:
             return
-        self._pool_size = min(4 * recipe.count[1], recipe.count[1] + 64)
-        random = generator(self._plan.seed, 0, "distractor shapes")
-        for number in range(self._pool_size):
-            kind = recipe.shapes[int(random.integers(len(recipe.shapes)))]
+        self._pool = DistractorPool(self._plan, recipe)
+        for number, thing in enumerate(self._pool.things):
             body = spec.worldbody.add_body()
             body.name, body.mocap = self._distractor(number), True
             body.pos = 0.5 * (np.array(recipe.low) + recipe.high)
             geom = body.add_geom()
-            geom.name, geom.type = body.name, getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}")
-            geom.size = random.uniform(*recipe.size, 3)
+            geom.name, geom.type = body.name, getattr(mujoco.mjtGeom, f"mjGEOM_{thing.kind.upper()}")
+            geom.size = thing.size
             geom.contype = geom.conaffinity = 0
 
     def _distractor(self, number: int) -> str:
         return f"{PREFIX}distractor {number}"
-
-    def _chosen(self, sample: int) -> np.ndarray:
-        """Distractors that a sample has."""
-        recipe = self._recipes.distractors
-        assert recipe is not None  # callers have looked
-        random = generator(self._plan.seed, sample, "distractors")
-        count = int(random.integers(recipe.count[0], recipe.count[1] + 1))
-        return random.permutation(self._pool_size)[:count]
-
-    def _place_distractors(
-        self, sample: int, taken: list[np.ndarray], positions: np.ndarray, rotations: np.ndarray
-    ) -> None:
-        recipe = self._recipes.distractors
-        assert recipe is not None
-        random = generator(self._plan.seed, sample, "distractor poses")
-        low, high = np.array(recipe.low), np.array(recipe.high)
-        for number in self._chosen(sample):
-            position = apart(random, low, high, taken, self._recipes.spacing)
-            taken.append(position)
-            mocap = self._mocaps[number]
-            positions[mocap], rotations[mocap] = position, any_rotation(random)
