@@ -120,8 +120,9 @@ def test_kitti(tmp_path: Path) -> None:
             np.testing.assert_allclose(pixels, instance.corners, atol=0.02)
 
 
-def test_hdf5(tmp_path: Path) -> None:
-    out, _, frames = made(tmp_path, "hdf5")
+@pytest.mark.parametrize("compress", [True, False])
+def test_hdf5(compress: bool, tmp_path: Path) -> None:
+    out, _, frames = made(tmp_path, "hdf5", options=(("compress", compress),))
     with h5py.File(out / "dataset.h5") as file:
         assert list(file.attrs["classes"]) == ["box", "round"] and file["sample"][:].tolist() == list(range(7))
         assert file["rgb"].shape == (7, 48, 64, 3) and file["depth"].dtype == np.float32

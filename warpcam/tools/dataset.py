@@ -1,6 +1,7 @@
 """The command ``warpcam dataset``: labelled images in bulk."""
 
 import argparse
+import time
 from pathlib import Path
 from typing import Any
 
@@ -83,22 +84,27 @@ def run(options: argparse.Namespace) -> int:
     )
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    begun = time.perf_counter()
     with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
-        samples, told = progress.add_task("samples", total=plan.count), False
+        samples, known = progress.add_task("samples", total=plan.count), -1
 
         def advance(done: int) -> None:
-            nonlocal told
-            if told:
-                progress.advance(samples, done)
-            else:  # those of earlier runs, which are no part of the rate
+            nonlocal known
+            if known < 0:  # those of earlier runs, which are no part of the rate
+                known = done
                 progress.reset(samples, completed=done)
-            told = True
+            else:
+                progress.advance(samples, done)
 
         try:
             generate(plan, options.workers, advance)
         except KeyboardInterrupt:
             raise WarpcamError("dataset: interrupted; run the same command again to go on") from None
-    print(f"{plan.count:,} samples in {plan.out}; look at contact_sheet.png and statistics.html")
+    made, seconds = plan.count - known, time.perf_counter() - begun
+    print(
+        f"{plan.count:,} samples in {plan.out}, {made:,} of them made now in {seconds:.1f} s ({made / seconds:,.1f} a "
+        "second); look at contact_sheet.png and statistics.html"
+    )
     return 0
 
 

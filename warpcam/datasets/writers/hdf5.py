@@ -1,6 +1,7 @@
 """HDF5: a file of each shard, and one that shows all of them as one."""
 
 import json
+import zlib
 from typing import Any, ClassVar
 
 import h5py
@@ -36,15 +37,29 @@ class Hdf5Writer(Writer):
         self._file.create_dataset("sample", (layout.frames,), "i8")
         self._file.create_dataset("labels", (layout.frames,), h5py.string_dtype())
 
-    def encode(self, frame: Frame) -> tuple[Frame, str]:
-        return frame, json.dumps(as_json(frame), allow_nan=False)
+    def encode(self, frame: Frame) -> tuple[int, dict[str, bytes], str]:
+        images = {"rgb": frame.colors, "depth": frame.depth, "ids": frame.ids}
+        chunks = {name: self._chunk(image) for name, image in images.items()}
+        return frame.sample, chunks, json.dumps(as_json(frame), allow_nan=False)
 
-    def append(self, encoded: tuple[Frame, str]) -> None:
-        frame, labels = encoded
-        for name, image in (("rgb", frame.colors), ("depth", frame.depth), ("ids", frame.ids)):
-            self._file[name][self._count] = image
-        self._file["sample"][self._count], self._file["labels"][self._count] = frame.sample, labels
+    def append(self, encoded: tuple[int, dict[str, bytes], str]) -> None:
+        sample, chunks, labels = encoded
+        for name, chunk in chunks.items():
+            dataset = self._file[name]
+            dataset.id.write_direct_chunk((self._count, *(0 for _ in dataset.shape[1:])), chunk)
+        self._file["sample"][self._count], self._file["labels"][self._count] = sample, labels
         self._count += 1
+
+    def _chunk(self, image: np.ndarray) -> bytes:
+        """An image as HDF5 stores it: bytes of numbers sorted by their place in the number, and deflated.
+
+        HDF5 itself would do this frame after frame, as one thread alone may use it.
+        """
+        plain = np.ascontiguousarray(image)
+        if not self.layout.options["compress"]:
+            return plain.tobytes()
+        sorted_bytes = plain.view(np.uint8).reshape(-1, plain.itemsize).T
+        return zlib.compress(sorted_bytes.tobytes(), LEVEL)
 
     def close(self) -> None:
         self._file.close()
