@@ -2,6 +2,8 @@
 
 import io
 import json
+import re
+import sys
 import time
 from pathlib import Path
 
@@ -13,10 +15,11 @@ import yaml
 from dataset_plans import RECIPES, files_of, plan_of
 from PIL import Image, ImageDraw
 
+import warpcam as wc
 from warpcam.core.rotations import rotation_matrices
 from warpcam.datasets.generate import Plan, Worlds, generate
 from warpcam.datasets.generate.frames import Frame
-from warpcam.datasets.writers import WRITERS
+from warpcam.datasets.writers import WRITERS, find_writer
 from warpcam.datasets.writers.polygons import outline
 
 # webdataset leaves the files that it reads open.
@@ -218,3 +221,20 @@ def test_bop(tmp_path: Path) -> None:
             assert top <= rows.min() and top + height >= rows.max()
             cut += left < 0 or top < 0 or left + width > 63 or top + height > 47
     assert cut > 2  # silhouettes go on beyond the edges
+
+
+def test_a_package_that_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pycocotools", None)
+    with pytest.raises(
+        wc.WarpcamError, match=re.escape("pycocotools is not installed, and coco needs it: pip install")
+    ):
+        find_writer("coco")
+
+
+@pytest.mark.parametrize("writer", ["bop", "kitti"])
+def test_other_lenses_are_refused(writer: str, tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, writer=writer, recipes=None)
+    camera = '<worldbody><camera name="flat" pos="0 0 3" projection="orthographic" fovy="2"/>'
+    Path(plan.scene).write_text(Path(plan.scene).read_text().replace("<worldbody>", camera))
+    with pytest.raises(wc.WarpcamError, match=f"{writer} has pinhole cameras alone, and 'flat' has another lens"):
+        Worlds(plan)
