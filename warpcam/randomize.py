@@ -102,7 +102,7 @@ class Randomizer:
 _randomizers: "WeakKeyDictionary[Any, Randomizer]" = WeakKeyDictionary()
 
 
-def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any) -> None:
+def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, by_world: bool = True, **recipes: Any) -> None:
     """Give worlds other looks, seen at the next render.
 
     The numbers follow from the seed, the attribute, the world and the row alone: the same call gives the same, and a
@@ -115,6 +115,8 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
             ``rig.parameters("front")``.
         seed: A whole number; or int32 on the scene's device, (1,) or (world,).
         worlds: Which worlds are drawn: ids or a mask, as ``Renderer.render`` takes them. None is all.
+        by_world: Whether the world's number counts. False: worlds with the same seed draw the same, so that with a seed
+            for each sample of a data set no sample depends on which world draws it.
         recipes: By attribute: names of ``Scene.vary``, or of the arrays. A pair (low, high) stands for
             ``Uniform(low, high)``, a list for ``Choice``.
     """
@@ -127,6 +129,8 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
             "randomize: target must be a scene, renderer.camera(...) or rig.parameters(...), got "
             f"{type(target).__name__}"
         )
+    if not isinstance(by_world, bool | np.bool_):
+        raise WarpcamError(f"randomize: by_world must be True or False, got {by_world!r}")
     if not recipes:
         raise WarpcamError("randomize: no recipe came; give some, like light_intensity=(0.5, 1.5)")
     if target not in _randomizers:
@@ -135,7 +139,7 @@ def randomize(target: Any, *, seed: Any = 0, worlds: Any = None, **recipes: Any)
     capturing = torch_interop.is_capturing(device)
     given = _seeds(state, seed)
     seeds = state.seeds[1 if given is None else len(given)]
-    stages = [_stage(state, target, name, recipe, seeds, capturing) for name, recipe in recipes.items()]
+    stages = [_stage(state, target, name, recipe, seeds, bool(by_world), capturing) for name, recipe in recipes.items()]
     with torch_interop.in_order(device):
         if worlds is None:
             state.selection.mask.fill_(1)
@@ -165,7 +169,9 @@ def _seeds(state: Randomizer, seed: Any) -> wp.array | None:
     return array
 
 
-def _stage(state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.array, capturing: bool) -> Stage:
+def _stage(
+    state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.array, by_world: bool, capturing: bool
+) -> Stage:
     if isinstance(recipe, tuple) and len(recipe) == 2:
         recipe = Uniform(*recipe)
     elif isinstance(recipe, list):
@@ -181,12 +187,12 @@ def _stage(state: Randomizer, target: Any, name: str, recipe: Any, seeds: wp.arr
         if not isinstance(recipe.of, str) or recipe.of not in KINDS:
             raise WarpcamError(f"randomize: {name}: of must be one of {', '.join(map(repr, KINDS))}, got {recipe.of!r}")
         what = (_bounds(name, recipe.low), _bounds(name, recipe.high), recipe.of, bool(recipe.linked))
-    key = (name, what, rows, len(seeds))
+    key = (name, what, rows, len(seeds), by_world)
     stage = state.stages.get(key)
     if stage is None:
         if capturing:
             raise WarpcamError(f"randomize: a capture is under way, and {name} is new; call it once before")
-        stage = _record(state, target, name, recipe=recipe, what=what, rows=rows, seeds=seeds)
+        stage = _record(state, target, name, recipe=recipe, what=what, rows=rows, seeds=seeds, by_world=by_world)
         stage.prepare()
     return state.keep(key, stage, capturing)
 
@@ -234,6 +240,7 @@ def _record(
     what: tuple[Any, ...],
     rows: tuple[int, ...] | None,
     seeds: wp.array,
+    by_world: bool,
 ) -> Stage:
     (out, entry), device = _array(target, name), state.device
     count, width = out.shape[1:]
@@ -246,7 +253,7 @@ def _record(
         needed = "Uniform or (low, high)" if numbers else "Choice or a list of whole numbers"
         raise WarpcamError(f"randomize: {name} takes {needed}, got {recipe!r}")
     draw = kernels.Draw()
-    draw.mask, draw.seeds = state.selection.mask, seeds
+    draw.mask, draw.seeds, draw.by_world = state.selection.mask, seeds, int(by_world)
     owners = target.owners() if isinstance(target, Scene) and name.startswith("shape_") else np.arange(count)
     written = np.arange(count)
     if rows is not None:

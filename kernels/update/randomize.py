@@ -27,6 +27,7 @@ class Draw:
     salt: wp.int32  # of the attribute
     kind: wp.int32  # VALUE, OFFSET, FACTOR or TURN
     linked: wp.int32  # 1: all numbers of an entry are as far between their bounds
+    by_world: wp.int32  # 0: worlds with the same seed draw the same
 
 
 @wp.func
@@ -34,7 +35,7 @@ def start(draw: Draw, place: wp.int32):
     """World and row of an entry, and the state of its random generator."""
     world, entry = row_and_column(place, draw.rows.shape[0])
     seed = draw.seeds[world % draw.seeds.shape[0]]
-    own = wp.rand_init(world, draw.owners[entry])
+    own = wp.rand_init(world * draw.by_world, draw.owners[entry])
     return world, draw.rows[entry], wp.rand_init(wp.int32(wp.rand_init(seed, draw.salt)), wp.int32(own))
 
 

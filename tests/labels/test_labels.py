@@ -265,7 +265,7 @@ def test_reads_allocate_and_compile_nothing(
     device: wp.Device, loads: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer = drawn(device)
-    labels = wc.labels(renderer, keypoints={"ball": (1, (0.0, 0.0, 0.6))})
+    labels = wc.labels(renderer, masks=True, keypoints={"ball": (1, (0.0, 0.0, 0.6))})
     labels.read()
     loads.clear()
     slot = "current_allocator" if device.is_cuda else "default_allocator"
@@ -330,3 +330,28 @@ def test_bad_arguments(device: wp.Device) -> None:
         labels.read([5])
     with says("Labels: it cannot be copied or pickled"):
         labels.__reduce__()
+
+
+def test_amodal_masks(device: wp.Device) -> None:
+    scene = small_scene.scene_of(device, WORLDS)
+    alone = label_reference.AloneImages(scene)
+    cameras = [small_scene.camera("top", 90, 72, outputs=OUTPUTS), small_scene.camera("side", outputs=OUTPUTS)]
+    renderer = wc.Renderer(scene, cameras)
+    renderer.render()
+    labels = wc.labels(renderer, masks=True)
+    assert wc.labels(renderer).cameras["top"].amodal_masks is None
+    owners = scene.shape_bodies()[0]
+    expected = alone.masks(renderer, [np.flatnonzero(owners == body) for body in range(3)], "bodies")
+    for found in (labels.read(), labels.read()):  # masks are cleared before they are written
+        for key, one in found.items():
+            masks = one.amodal_masks.cpu().numpy()
+            assert masks.dtype == np.uint8 and masks.max() == 1
+            assert (masks != expected[key].swapaxes(0, 1)).sum() <= (0 if device.is_cpu else 3)
+            np.testing.assert_array_equal(masks.sum(axis=(2, 3)), one.amodal_pixels.cpu().numpy())
+    labels.read()["top"].amodal_masks.fill_(7)
+    labels.read([1])
+    assert labels.cameras["top"].amodal_masks.amax(dim=(1, 2, 3)).tolist() == [7, 1, 7]
+    with says("masks must be False where amodal is, got True"):
+        wc.labels(renderer, amodal=False, masks=True)
+    with says("masks must be True or False, got 1"):
+        wc.labels(renderer, masks=1)

@@ -16,7 +16,7 @@ MOVING = SceneTypes(GeometryFlag.BOX | GeometryFlag.MESH, SceneFlag.DEFORMING_ME
 KERNELS: dict[str, Callable[[], wp.Kernel]] = {
     "extents and poses": lambda: kernels.count_visible,
     "boxes": lambda: kernels.box_kernel(ALL),
-    "masks of a pinhole": lambda: kernels.cover_kernel(kernels.CoverKey(ALL, Lens.PINHOLE, 16)),
+    "masks of a pinhole": lambda: kernels.cover_kernel(kernels.CoverKey(ALL, Lens.PINHOLE, 16, True)),
     "masks of a table": lambda: kernels.cover_kernel(kernels.CoverKey(MOVING, Lens.RAY_TABLE_WITH_ORIGINS, 96)),
     "points of a pinhole": lambda: kernels.projection_kernel(Lens.PINHOLE),
     "points of a table": lambda: kernels.projection_kernel(Lens.RAY_TABLE_WITH_ORIGINS),

@@ -39,7 +39,7 @@ PYTHON_FLOORS = (
     ("warpcam.load",),
     ("warpcam",),
     ("warpcam.visualize",),
-    ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
+    ("warpcam.envs", "warpcam.compat", "warpcam.viewer", "warpcam.datasets"),
     ("warpcam.train",),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),

@@ -288,3 +288,15 @@ def test_bounds_may_have_the_shape_of_an_entry(device: wp.Device) -> None:
     assert (scene.vary("light_rotations").cpu() == torch.as_tensor(axes)).all()
     with pytest.raises(WarpcamError, match="randomize: light_rotations: bounds must be a number or 9"):
         wc.randomize(scene, light_rotations=(axes[None], axes))
+
+
+def test_worlds_with_the_same_seed_look_the_same(scene: wc.Scene) -> None:
+    seeds = torch.arange(WORLDS, dtype=torch.int32, device=scene.vary("material_color").device)
+    first = drawn(scene, "material_color", (0.1, 0.9), seeds, by_world=False)
+    turned = drawn(scene, "material_color", (0.1, 0.9), seeds.flip(0), by_world=False)
+    torch.testing.assert_close(first.flip(0), turned, rtol=0.0, atol=0.0)
+    assert len(torch.unique(first[:, 0, 0])) > 0.99 * WORLDS and (first[:, 0] != first[:, 1]).any()
+    assert len(torch.unique(drawn(scene, "material_color", (0.1, 0.9), 5, by_world=False)[:, 0, 0])) == 1
+    assert (drawn(scene, "material_color", (0.1, 0.9), seeds) != first).any()
+    with pytest.raises(WarpcamError, match="by_world must be True or False, got 1"):
+        wc.randomize(scene, by_world=1, material_color=(0.1, 0.9))

@@ -162,6 +162,22 @@ def test_noise_follows_seed_world_and_frame_alone(device: wp.Device) -> None:
     assert abs(correlation) < 0.15
 
 
+def test_noise_of_worlds_with_the_same_seed(device: wp.Device) -> None:
+    renderer = wc.Renderer(scene_of(device, 3), [camera(outputs=("depth",))])
+    rig = sensors.Rig(renderer, {"top": [Noise()]}, seed=[4, 7, 4], by_world=False)
+    rig.read()
+    first, second, third = noise_of(rig)
+    both = np.isfinite(first) & np.isfinite(second) & np.isfinite(third)
+    np.testing.assert_allclose(first[both], third[both], atol=1e-5)  # of noise on other depths
+    assert np.abs(first - second)[both].max() > 0.1
+    rig.seeds.copy_(rig.seeds.roll(1))
+    rig.frames.zero_()
+    rig.read()
+    np.testing.assert_allclose(noise_of(rig)[2][both], second[both], atol=1e-5)
+    with pytest.raises(wc.WarpcamError, match="Rig: by_world must be True or False, got 0"):
+        sensors.Rig(renderer, {"top": [Noise()]}, by_world=0)
+
+
 def test_each_effect_of_a_chain_has_its_own_random_numbers(device: wp.Device) -> None:
     rig = rig_of(device, Noise(0.1), Noise(0.1))
     rig.read()

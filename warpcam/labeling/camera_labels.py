@@ -43,6 +43,8 @@ class CameraLabels:
         keypoint_visibility: uint8 (world, keypoint), COCO's v: 0 outside the image or of the range from ``near`` to
             ``far``, 1 hidden, 2 visible: the camera's ray to the keypoint meets no surface that is nearer by more than
             the tolerance. What can be seen through hides as if it were solid, as it does in depth.
+        amodal_masks: uint8 (world, instance, height, width): 1 in the pixels that would show the instance if nothing
+            else were there. None without ``labels(masks=True)``.
     """
 
     visible_boxes: Tensor
@@ -61,3 +63,4 @@ class CameraLabels:
     keypoints: Tensor
     keypoint_depths: Tensor
     keypoint_visibility: Tensor
+    amodal_masks: Tensor | None = None

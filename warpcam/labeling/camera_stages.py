@@ -34,6 +34,7 @@ class SharedArrays:
         num_keypoints: How many.
         tolerance: Of keypoints [m].
         amodal: Instances are traced alone.
+        masks: Their masks are written.
     """
 
     instances: Instances
@@ -43,6 +44,7 @@ class SharedArrays:
     num_keypoints: int
     tolerance: float
     amodal: bool
+    masks: bool
 
 
 class CameraStages:
@@ -98,6 +100,14 @@ class CameraStages:
         cover.mask, cover.extents = common.boxes.mask, extents.amodal
         cover.members = members_struct(columns, starts, self._device)
         cover.height, cover.width = ids.shape[1:3]
+        if common.masks:
+            shape = (worlds, count, cover.height, cover.width)
+            if np.prod(shape, dtype=np.int64) >= MAX_THREADS:
+                raise WarpcamError(
+                    f"labels: masks of {worlds} worlds, {count} instances and {cover.width}x{cover.height} pixels have "
+                    "2^31 pixels or more; choose some instances by ids, or draw fewer worlds"
+                )
+            cover.masks = self._zeros(shape, wp.uint8)
         self._corners, self._centers = self._projection(poses.corners), self._projection(poses.centers)
         self.labels = self._tensors()
 
@@ -112,6 +122,10 @@ class CameraStages:
             self._launch(kernels.clear_extents, instances, [mask, extents]),
             self._launch(kernels.count_visible, runs, [mask, self._common.keys, image, run, extents]),
         ]
+        if self._common.masks:
+            masks = self._cover.masks
+            rows = instances * height
+            stages.append(self._launch(kernels.clear_masks, rows, [mask, masks]))
         if self._common.amodal:
             stages.append(self._bind_cover(tables))
         stages += [
@@ -127,7 +141,9 @@ class CameraStages:
         device, cover = self._device, self._cover
         most = launches.MAX_LISTED if device.is_cuda else launches.MANY_LISTED
         types = launches.scene_types(tables, device, lit=False)
-        key = kernels.CoverKey(types, self._lens, launches.list_capacity(self._largest, device, most))
+        key = kernels.CoverKey(
+            types, self._lens, launches.list_capacity(self._largest, device, most), self._common.masks
+        )
         regions = launches.regions_of(cover.width, cover.height, (kernels.REGION, kernels.REGION))
         threads = launches.world_threads(self._count, device) * self._worlds
         wanted = -(-FILLING * device.sm_count // (self._worlds * self._count)) if device.is_cuda else 1
@@ -194,6 +210,7 @@ class CameraStages:
             keypoints=tensor(keypoints.projection.pixels, worlds, keypoints.depths.shape[1], 2)[:, :points],
             keypoint_depths=torch_interop.to_torch(keypoints.depths)[:, :points],
             keypoint_visibility=torch_interop.to_torch(keypoints.visibility)[:, :points],
+            amodal_masks=torch_interop.to_torch(self._cover.masks) if self._common.masks else None,
         )
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:

@@ -36,6 +36,7 @@ class Cover:
     mask: wp.array(dtype=wp.uint8)  # (world,) worlds with 0 are left alone
     members: Members
     extents: wp.array3d(dtype=wp.int32)  # (world, instance, EXTENT_NUMBERS) left, top, right, bottom, pixels
+    masks: wp.array4d(dtype=wp.uint8)  # (world, instance, height, width) 1: the instance alone is there; or empty
     width: wp.int32  # of the image [pixels]
     height: wp.int32
     parts: wp.int32  # blocks of an instance, each of which has every so many-th window
@@ -129,13 +130,14 @@ class CoverKey:
     types: SceneTypes
     lens: Lens
     capacity: int  # shapes that a block lists
+    masks: bool = False  # masks are written, too
 
 
 @functools.cache
 def cover_kernel(key: CoverKey) -> wp.Kernel:
     return make_kernel(
         "cover_instance",
-        f"warpcam::cover_instance<{key.types.native}, {int(key.lens)}, {key.capacity}>"
+        f"warpcam::cover_instance<{key.types.native}, {int(key.lens)}, {key.capacity}, {str(key.masks).lower()}>"
         "(shapes, materials, meshes, fields, views, cover, index);",
         {
             "shapes": Shapes,
@@ -206,6 +208,20 @@ def clear_extents(mask: wp.array(dtype=wp.uint8), extents: ImageExtents, first: 
     clear_extent(extents.visible, world, index % instances)
     if extents.amodal.shape[0] > 0:
         clear_extent(extents.amodal, world, index % instances)
+
+
+@wp.kernel(enable_backward=False)
+def clear_masks(mask: wp.array(dtype=wp.uint8), masks: wp.array4d(dtype=wp.uint8), first: wp.int32):
+    """Clear a row of a mask."""
+    index = first + wp.tid()
+    height = masks.shape[2]
+    row = index % height
+    instance = index // height % masks.shape[1]
+    world = index // height // masks.shape[1]
+    if mask[world] == wp.uint8(0):
+        return
+    for column in range(masks.shape[3]):
+        masks[world, instance, row, column] = wp.uint8(0)
 
 
 @wp.func

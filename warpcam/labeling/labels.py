@@ -45,6 +45,7 @@ class Labels:
         instances: Instances,
         keypoints: Any,
         amodal: bool,
+        masks: bool,
         tolerance: float,
     ):
         scene, drawn = drawn_cameras(renderer, "labels")
@@ -68,6 +69,7 @@ class Labels:
             num_keypoints=len(table.names),
             tolerance=tolerance,
             amodal=amodal,
+            masks=masks,
         )
         self._boxes = common.boxes
         self._cameras = {
@@ -154,6 +156,7 @@ def labels(
     by: Grouping = "body",
     ids: Sequence[int] | None = None,
     amodal: bool = True,
+    masks: bool = False,
     keypoints: Mapping[str, tuple[str | int | None, Sequence[float]]] | None = None,
     tolerance: float = 0.01,
 ) -> Labels:
@@ -170,6 +173,7 @@ def labels(
             another instance is its body's if all of it is on one body, else the world's.
         ids: Those to label, as the output has them; None is all but -1, and 0 of ``semantics``.
         amodal: Trace each instance alone for its amodal box and pixels, its visibility and truncation.
+        masks: Keep the amodal masks, a byte for each pixel of each instance in each world.
         keypoints: Places to find in images, by name: a body, by name or index, or None for the world, and a place in
             its frame [m]. ``site_keypoints`` gives those of a MuJoCo model's sites.
         tolerance: By how much a surface may be nearer than a keypoint that it does not hide [m], at least 0: keypoints
@@ -183,6 +187,9 @@ def labels(
         raise WarpcamError(f"labels: renderer must be a Renderer, got {type(renderer).__name__}")
     if not isinstance(amodal, bool | np.bool_):
         raise WarpcamError(f"labels: amodal must be True or False, got {amodal!r}")
+    if not isinstance(masks, bool | np.bool_) or (masks and not amodal):
+        allowed = "True or False" if amodal else "False where amodal is"
+        raise WarpcamError(f"labels: masks must be {allowed}, got {masks!r}")
     is_number = isinstance(tolerance, int | float | np.number) and not isinstance(tolerance, bool)
     if not is_number or not 0.0 <= tolerance < math.inf:
         raise WarpcamError(f"labels: tolerance must be a finite number of at least 0 [m], got {tolerance!r}")
@@ -191,7 +198,7 @@ def labels(
     if scene.tables().splats is not None:
         raise WarpcamError("labels: the scene has Gaussian splats, of which there are no labels")
     instances = find_instances(scene, by, ids)
-    return Labels(renderer, cameras, instances, keypoints, bool(amodal), float(tolerance))
+    return Labels(renderer, cameras, instances, keypoints, bool(amodal), bool(masks), float(tolerance))
 
 
 def _chosen(cameras: Sequence[str | int] | None, drawn: Mapping[str | int, DrawnCamera]) -> list[str | int]:

@@ -9,6 +9,7 @@ import warp as wp
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.rotations import rotation_quaternions
 from warpcam.kernels.runtime.launch import launch_kernel
 from warpcam.kernels.update import poses as pose_kernels
 from warpcam.scene.scene import Scene
@@ -64,6 +65,13 @@ class DrivenScene(Scene):
     def semantics(self) -> Mapping[str, int]:
         """The number of each label in ``semantics``."""
         return dict(self._graph_source.labels)
+
+    def pose(self, path: str) -> np.ndarray:
+        """Pose of something in the world as the file has it: position [m] and quaternion w x y z, (7,) float64."""
+        matrix = self._graph_source.graph.worlds_of(self._node("pose", path))
+        rotation = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)
+        quaternion = rotation_quaternions(rotation[None])[0]
+        return np.concatenate((matrix[:3, 3], quaternion / np.linalg.norm(quaternion)))
 
     def set_poses(self, paths: Sequence[str], poses: Any) -> None:
         """Place things: each with all that is fixed to it, but for what is placed by a path of its own.

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpcam.core import torch_interop
@@ -15,7 +16,7 @@ from warpcam.kernels.runtime.streams import nonblocking_stream
 from warpcam.render.renderer import Images, Renderer
 from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
-from warpcam.sensors.kernels.random import Randomness
+from warpcam.sensors.kernels.random import ANY_WORLD, Randomness
 from warpcam.sensors.measurement import Measurement
 from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.timing.clock import Clock
@@ -38,6 +39,8 @@ class Rig:
             not measured.
         seed: Whole number. Random numbers follow from it, the world, the number of the world's frame and the pixel
             alone, so a world measures the same whatever the number of worlds; or int32 (world,), one for each world.
+        by_world: Whether the world's number counts. False: worlds with the same seed measure with the same random
+            numbers, so that with a seed for each sample of a data set no sample depends on which world measures it.
 
     Attributes:
         renderer: The renderer; ``renderer.images`` is the truth.
@@ -45,12 +48,15 @@ class Rig:
             frame. Outputs that no effect changes are the renderer's own. A camera with a ``Delivery`` has tensors of
             its own for all outputs, and "frame_age" beside them: float32, (world,), age of the frame shown [s].
         frames: int32 tensor, (world,): how many frames of each world have been measured.
+        seeds: int32 tensor, (world,): the seeds; what is written to it, as to ``frames``, counts from the next frame.
 
     Raises:
         WarpcamError: An effect does not fit the camera, or a parameter is not allowed.
     """
 
-    def __init__(self, renderer: Renderer, sensors: Mapping[str | int, Sequence[Effect]], *, seed: Any = 0):
+    def __init__(
+        self, renderer: Renderer, sensors: Mapping[str | int, Sequence[Effect]], *, seed: Any = 0, by_world: bool = True
+    ):
         if not isinstance(renderer, Renderer):
             raise WarpcamError(f"Rig: renderer must be a warpcam.Renderer, got {type(renderer).__name__}")
         if not isinstance(sensors, Mapping) or not sensors:
@@ -58,7 +64,10 @@ class Rig:
         self.renderer, device = renderer, renderer.scene.device
         torch_interop.require_no_capture(device, "Rig")
         self._device, self._num_worlds = device, renderer.scene.num_worlds
-        self._seeds = seeds_of(seed, "Rig", self._num_worlds, device)
+        if not isinstance(by_world, bool | np.bool_):
+            raise WarpcamError(f"Rig: by_world must be True or False, got {by_world!r}")
+        self._seeds, self._by_world = seeds_of(seed, "Rig", self._num_worlds, device), bool(by_world)
+        self.seeds = torch_interop.to_torch(self._seeds)
         self._clock = Clock(renderer)
         self._frames = wp.zeros(self._num_worlds, dtype=wp.int32, device=device)
         self.frames = torch_interop.to_torch(self._frames)
@@ -160,7 +169,7 @@ class Rig:
         """Seeds and frame counters of some worlds, for an effect with that number."""
         within, randomness = slice(worlds.start, worlds.stop), Randomness()
         randomness.seeds, randomness.frames = self._seeds[within], self._frames[within]
-        randomness.first_world, randomness.stream = worlds.start, stream
+        randomness.first_world, randomness.stream = worlds.start if self._by_world else ANY_WORLD, stream
         return randomness
 
     def _groups(self) -> list[range]:

@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render`` a scene to pictures, ``view`` it, ``train``, ``bench``, ``doctor``, ``cache``."""
+"""The command ``warpcam``: ``render``, ``dataset``, ``view``, ``train``, ``bench``, ``doctor`` and ``cache``."""
 
 import argparse
 import re
@@ -24,8 +24,9 @@ from warpcam.core.errors import WarpcamError
 from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import doctor
+from warpcam.tools import dataset, doctor
 from warpcam.tools.demo_simulation import Simulation
+from warpcam.tools.image_size import image_size
 from warpcam.train import options as training
 from warpcam.train import run as train
 
@@ -77,6 +78,10 @@ def _parser() -> argparse.ArgumentParser:
         help=f"measure depth as this camera does: {', '.join(CAMERA_MODELS)} (default: the truth)",
     )
     render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
+
+    bulk = commands.add_parser("dataset", help=dataset.ABOUT, description=dataset.ABOUT)
+    bulk.set_defaults(command=dataset.run)
+    dataset.add(bulk)
 
     about = "look around in a scene, in a browser; MuJoCo simulates what it has read"
     view = commands.add_parser("view", help=about, description=about)
@@ -134,7 +139,7 @@ def _add_scene(command: argparse.ArgumentParser, worlds: int, size: str) -> None
 
 def _checked_scene(options: argparse.Namespace) -> tuple[int, int, wp.Device]:
     """Width and height of an image, and the device."""
-    size = _size(options.size)
+    size = image_size(options.size)
     if options.worlds < 1:
         raise WarpcamError(f"--worlds: {options.worlds} came, at least 1 is needed")
     if options.seed < 0:
@@ -226,13 +231,6 @@ def _render(options: argparse.Namespace) -> int:
         f"{rate:,.0f} frames/s on {_device_name(device)}"
     )
     return 0
-
-
-def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"([1-9]\d{0,4})x([1-9]\d{0,4})", text)
-    if match is None:
-        raise WarpcamError(f"--size: {text!r} came, width x height in pixels like 256x192 is needed")
-    return int(match[1]), int(match[2])
 
 
 def _device_name(device: wp.Device) -> str:

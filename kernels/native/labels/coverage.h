@@ -141,11 +141,25 @@ WARPCAM_DEVICE void add_covered(const unsigned* covered, const Region& region, i
     }
 }
 
+// Sets the pixels of a mask, (height, width) of bytes, that are covered of a window; for all threads of the block.
+template <class Masks> WARPCAM_DEVICE void write_covered(const unsigned* covered, const Region& region,
+                                                         const Masks& masks, int world, int instance, int thread)
+{
+    for (int word = thread; word < ROW_WORDS * region.height; word += THREADS) {
+        if (covered[word] == 0u)
+            continue;
+        const int row = word / ROW_WORDS, left = word % ROW_WORDS * 32;
+        auto* pixels = wp::address(masks, world, instance, region.top + row, region.left);
+        for (unsigned bits = covered[word]; bits != 0u; bits &= bits - 1u)
+            pixels[left + ctz(bits)] = 1;
+    }
+}
+
 // Extends the extent of one instance in one view by what its shapes cover of some of the image's windows. `index` counts
 // worlds, then instances, then parts, then (CUDA) threads of the block. `cover`: Cover of
-// warpcam/labeling/kernels.py.
-template <class Types, int LENS, int CAPACITY, class Shapes, class Materials, class Meshes, class HeightFields,
-          class Views, class Cover>
+// warpcam/labeling/kernels.py. With MASKS it sets the instance's mask, too.
+template <class Types, int LENS, int CAPACITY, bool MASKS, class Shapes, class Materials, class Meshes,
+          class HeightFields, class Views, class Cover>
 WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materials, const Meshes& meshes,
                                    const HeightFields& fields, const Views& views, const Cover& cover, int index)
 {
@@ -231,6 +245,8 @@ WARPCAM_DEVICE void cover_instance(const Shapes& shapes, const Materials& materi
                 is_listed = false;
             } while (begin < count);
             add_covered(covered, window, extent, thread);
+            if constexpr (MASKS)
+                write_covered(covered, window, cover.masks, world, instance, thread);
             block_sync();
         }
     }

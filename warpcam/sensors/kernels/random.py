@@ -2,6 +2,8 @@
 
 import warp as wp
 
+ANY_WORLD = -1
+
 
 @wp.struct
 class Randomness:
@@ -9,9 +11,9 @@ class Randomness:
 
     seeds: wp.array(dtype=wp.int32)  # (world,)
     frames: wp.array(dtype=wp.int32)  # (world,) frames that were measured, this one among them
-    first_world: (
-        wp.int32
-    )  # number of the first world of the arrays: its numbers do not depend on how worlds are grouped
+    # Number of the first world of the arrays, so that random numbers do not depend on how worlds are grouped; or
+    # ANY_WORLD: worlds with the same seed have the same numbers.
+    first_world: wp.int32
     stream: wp.int32  # a number of the effect, other effects have others
 
 
@@ -19,7 +21,8 @@ class Randomness:
 def world_state(randomness: Randomness, world: wp.int32, frame: wp.int32) -> wp.int32:
     """State that is common to a world's elements in one frame."""
     state = wp.rand_init(randomness.seeds[world], randomness.stream)
-    state = wp.rand_init(wp.int32(state), randomness.first_world + world)
+    number = wp.where(randomness.first_world == ANY_WORLD, 0, randomness.first_world + world)
+    state = wp.rand_init(wp.int32(state), number)
     return wp.int32(wp.rand_init(wp.int32(state), frame))
 
 

@@ -39,20 +39,34 @@ def load(
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
     are random within their ranges, or the same without a seed. ``packages`` are folders that a URDF file names.
     """
-    mjw = _needed("mujoco_warp")
     host, state = read(path, packages)
+    batch = put(host, state, num_worlds=num_worlds, device=device, path=path)
+    if seed is not None:
+        batch.data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
+        forward(batch)
+    return batch
+
+
+def put(host: Any, state: Any, *, num_worlds: int, device: wp.Device, path: Path) -> MujocoBatch:
+    """Put `num_worlds` worlds of one state on the device, ready to be seen; ``path`` is for messages."""
+    mjw = _needed("mujoco_warp")
     try:
         with wp.ScopedDevice(device):
-            model = mjw.put_model(host)
-            data = mjw.put_data(host, state, nworld=num_worlds)
-            if seed is not None:
-                data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
-            mjw.kinematics(model, data)
-            mjw.com_pos(model, data)
-            mjw.camlight(model, data)
+            batch = MujocoBatch(host, mjw.put_model(host), mjw.put_data(host, state, nworld=num_worlds))
     except NotImplementedError as error:
         raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
-    return MujocoBatch(host, model, data)
+    forward(batch)
+    return batch
+
+
+def forward(batch: MujocoBatch) -> None:
+    """Compute the poses of bodies, geoms, cameras and lights from the joints."""
+    import mujoco_warp as mjw
+
+    with wp.ScopedDevice(batch.data.qpos.device):
+        mjw.kinematics(batch.model, batch.data)
+        mjw.com_pos(batch.model, batch.data)
+        mjw.camlight(batch.model, batch.data)
 
 
 def read(path: Path, packages: Mapping[str, Path] | None = None) -> tuple[Any, Any]:
@@ -71,6 +85,17 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> tuple[Any, A
     return host, state
 
 
+def read_spec(path: Path) -> Any:
+    """The MjSpec of an MJCF or URDF file, for changes before it is compiled."""
+    mujoco = _needed("mujoco")
+    if path.suffix.lower() == ".mjb":
+        raise WarpcamError(f"scene: {str(path)!r} is compiled, and cannot be changed; give the .xml or .urdf file")
+    try:
+        return urdf.load_spec(path) if path.suffix.lower() == ".urdf" else mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
+
+
 def restart(host: Any, state: Any) -> None:
     """Take a state back to where its file begins."""
     mujoco = _needed("mujoco")
@@ -81,17 +106,12 @@ def restart(host: Any, state: Any) -> None:
     mujoco.mj_forward(host, state)
 
 
-def move(put: MujocoBatch, *, seed: int, by: float = 0.1) -> None:
+def move(batch: MujocoBatch, *, seed: int, by: float = 0.1) -> None:
     """Take every joint a part of the way to other random positions."""
-    import mujoco_warp as mjw
-
-    start = put.data.qpos.numpy()
-    other = joint_positions(put.host, start[0], num_worlds=len(start) + 1, seed=seed)[1:]
-    with wp.ScopedDevice(put.data.qpos.device):
-        put.data.qpos.assign(start + by * (other - start))
-        mjw.kinematics(put.model, put.data)
-        mjw.com_pos(put.model, put.data)
-        mjw.camlight(put.model, put.data)
+    start = batch.data.qpos.numpy()
+    other = joint_positions(batch.host, start[0], num_worlds=len(start) + 1, seed=seed)[1:]
+    batch.data.qpos.assign(start + by * (other - start))
+    forward(batch)
 
 
 def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int) -> np.ndarray:

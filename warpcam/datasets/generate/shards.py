@@ -1,0 +1,158 @@
+"""Folder of a data set: shards that are there whole or not at all, and a manifest."""
+
+import contextlib
+import errno
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from warpcam.core.errors import WarpcamError
+from warpcam.datasets.generate.plan import Plan, different
+
+MANIFEST, LOCK, RECORD = "manifest.json", ".lock", "shard.json"
+TEMPORARY = ".tmp"
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedShard:
+    """A shard that is there.
+
+    Attributes:
+        index: Its number.
+        path: Its folder.
+        record: What its shard.json says.
+    """
+
+    index: int
+    path: Path
+    record: dict[str, Any]
+
+
+class ShardFolder:
+    """Shards of a plan in its folder.
+
+    Args:
+        plan: What is made.
+        root: Name of the folder in the data set that has the shards.
+    """
+
+    def __init__(self, plan: Plan, root: str):
+        self._plan, self.out = plan, Path(plan.out)
+        self.root = self.out / root
+
+    def path(self, shard: int) -> Path:
+        """Folder of a finished shard."""
+        return self.root / f"{shard:06d}"
+
+    def begin(self, shard: int) -> Path:
+        """Make an empty temporary folder for a shard."""
+        path = self.root / f".{shard:06d}-{os.getpid()}{TEMPORARY}"
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir(parents=True)
+        return path
+
+    def commit(self, shard: int, temporary: Path, record: dict[str, Any]) -> None:
+        """Write the shard's record, and give its folder the final name: from now on the shard is finished."""
+        samples = self._plan.samples(shard)
+        whole = {"shard": shard, "first": samples.start, "end": samples.stop, **record}
+        write_json(temporary / RECORD, whole)
+        shutil.rmtree(self.path(shard), ignore_errors=True)  # a last shard that was shorter
+        temporary.rename(self.path(shard))
+
+    def finished(self) -> list[FinishedShard]:
+        """Finished shards with all their samples, by number."""
+        found = []
+        for shard in range(self._plan.num_shards):
+            samples = self._plan.samples(shard)
+            with contextlib.suppress(OSError, ValueError):
+                record = json.loads((self.path(shard) / RECORD).read_text())
+                if (record["first"], record["end"]) == (samples.start, samples.stop):
+                    found.append(FinishedShard(shard, self.path(shard), record))
+        return found
+
+    def remove_temporaries(self) -> None:
+        for path in self.root.glob(f".*{TEMPORARY}"):
+            shutil.rmtree(path, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other runs out of the folder, which is made if need be, and check that it is this plan's.
+
+        Raises:
+            WarpcamError: The folder cannot be written, another run writes to it, or it is of another plan.
+        """
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+            handle = os.open(self.out / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as error:
+            raise WarpcamError(f"dataset: folder {str(self.out)!r} cannot be written: {error.strerror}") from None
+        try:
+            _lock(handle, self.out)
+            self._check_manifest()
+            self.remove_temporaries()
+            yield
+        finally:
+            os.close(handle)
+
+    def write_manifest(self, more: dict[str, Any]) -> None:
+        """Write the plan's parameters and more about the data set."""
+        parameters = self._plan.parameters()
+        temporary = self.out / f"{MANIFEST}{TEMPORARY}"
+        write_json(temporary, {**more, "count": self._plan.count, "parameters": parameters}, indent=1)
+        temporary.replace(self.out / MANIFEST)
+
+    def _has_shards(self) -> bool:
+        return any(self.root.glob("[0-9]*"))
+
+    def _check_manifest(self) -> None:
+        path = self.out / MANIFEST
+        if not path.exists():
+            if any(each.name != LOCK and each != self.root for each in self.out.iterdir()) or self._has_shards():
+                raise WarpcamError(f"dataset: folder {str(self.out)!r} has other files; give an empty or a new folder")
+            return
+        try:
+            old = json.loads(path.read_text())
+            parameters, count = old["parameters"], old["count"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise WarpcamError(f"dataset: {str(path)!r} is no manifest: {error}") from None
+        if not self._has_shards():  # a run that ended before its first shard
+            return
+        if names := different(parameters, self._plan.parameters()):
+            raise WarpcamError(
+                f"dataset: folder {str(self.out)!r} has another data set, made with other {', '.join(names)}; give the "
+                "same parameters to go on with it, or another folder"
+            )
+        if count > self._plan.count:
+            raise WarpcamError(
+                f"dataset: folder {str(self.out)!r} has {count} samples, --count {self._plan.count} came"
+            )
+
+
+def write_json(path: Path, value: Any, indent: int | None = None) -> None:
+    path.write_text(json.dumps(value, indent=indent, allow_nan=False) + "\n")
+
+
+def explained(error: OSError, folder: Path) -> WarpcamError:
+    """An error of the file system in words that say what to do."""
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return WarpcamError(
+            f"dataset: no space left for {str(folder)!r}; finished shards are whole: free space and run the same "
+            "command again to go on"
+        )
+    path = error.filename or folder
+    return WarpcamError(f"dataset: {str(path)!r} cannot be written: {error.strerror or error}")
+
+
+def _lock(handle: int, folder: Path) -> None:
+    try:
+        import fcntl
+    except ImportError:  # not on Windows, where nobody else is kept out
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise WarpcamError(f"dataset: another run writes to folder {str(folder)!r}") from None

@@ -1,0 +1,64 @@
+"""Statistics of a data set: counts that shards keep, and that add up."""
+
+from typing import Any
+
+import numpy as np
+
+from warpcam.datasets.generate.frames import Frame
+
+# Edges of the histograms' bins.
+DEPTHS = np.geomspace(0.05, 100.0, 34)  # [m]
+SIZES = np.concatenate(([0.0], np.geomspace(2.0, 2048.0, 21)))  # roots of boxes' areas [pixels]
+SHARES = np.linspace(0.0, 1.0, 11)  # of visibility
+
+
+def empty(classes: int) -> dict[str, Any]:
+    """Statistics of no frame."""
+    return {
+        "frames": 0,
+        "instances": [0] * classes,
+        "hidden": [0] * classes,
+        "truncated": 0,
+        "sizes": [0] * (len(SIZES) - 1),
+        "visibility": [0] * (len(SHARES) - 1),
+        "depth": [0] * (len(DEPTHS) - 1),
+        "depth_missing": 0,
+    }
+
+
+def of_frame(frame: Frame) -> dict[str, Any]:
+    """Statistics of one frame. Instances are those that are visible; "hidden" are the others."""
+    found = empty(len(frame.classes))
+    found["frames"] = 1
+    seen = [each for each in frame.instances if each.visible_pixels > 0]
+    for each in frame.instances:
+        found["instances" if each.visible_pixels > 0 else "hidden"][each.category] += 1
+    found["truncated"] = sum(each.truncated for each in seen)
+    boxes = np.array([each.visible_box for each in seen], np.float64).reshape(-1, 4)
+    found["sizes"] = _counts(np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])), SIZES)
+    found["visibility"] = _counts(np.array([each.visibility for each in seen]), SHARES)
+    measured = frame.depth[np.isfinite(frame.depth) & (frame.depth > 0.0)]
+    found["depth"] = _depth_counts(measured)
+    found["depth_missing"] = int(frame.depth.size - measured.size)
+    return found
+
+
+def add(total: dict[str, Any], other: dict[str, Any]) -> None:
+    """Add statistics to others."""
+    for name, value in other.items():
+        total[name] = (
+            [a + b for a, b in zip(total[name], value, strict=True)] if isinstance(value, list) else total[name] + value
+        )
+
+
+def _counts(values: np.ndarray, edges: np.ndarray) -> list[int]:
+    """Numbers of each bin; what lies beyond counts to the first or last one."""
+    return np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0].tolist()
+
+
+def _depth_counts(depths: np.ndarray) -> list[int]:
+    """Likewise of depths [m], above 0: bins of equal width in logarithm, which takes a tenth of the time."""
+    bins = len(DEPTHS) - 1
+    low, high = np.log(DEPTHS[0]), np.log(DEPTHS[-1])
+    places = (np.log(depths) - low) * (bins / (high - low))
+    return np.bincount(np.clip(places, 0, bins - 1).astype(np.int64), minlength=bins).tolist()

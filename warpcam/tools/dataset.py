@@ -1,0 +1,122 @@
+"""The command ``warpcam dataset``: labelled images in bulk."""
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from warpcam.core.errors import WarpcamError
+from warpcam.datasets.generate import Plan, generate, read_recipes
+from warpcam.datasets.writers import WRITERS
+from warpcam.sources.common import formats
+from warpcam.sources.mujoco import batch_file
+from warpcam.tools.image_size import image_size
+
+ABOUT = "make labelled images in bulk: randomised worlds of a scene in a file format of computer vision"
+
+
+class _Rate(ProgressColumn):
+    """Samples per second."""
+
+    def render(self, task: Any) -> Text:
+        return Text("" if task.speed is None else f"{task.speed:,.1f} samples/s")
+
+
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    kinds = ", ".join((*formats.MUJOCO, *formats.USD, *formats.MESHES))
+    command.add_argument(
+        "scene", nargs="?", type=Path, metavar="SCENE", help=f"a file: {kinds} (default: a demo scene)"
+    )
+    command.add_argument("--writer", required=True, metavar="FORMAT", help=f"one of {', '.join(WRITERS)}")
+    command.add_argument("--count", required=True, type=int, metavar="N", help="samples; each is seen by all cameras")
+    command.add_argument(
+        "--out", type=Path, default=Path("warpcam-dataset"), metavar="DIR", help="default: %(default)s"
+    )
+    command.add_argument("--seed", type=int, default=0, metavar="S", help="default: %(default)s")
+    command.add_argument("--randomize", type=Path, metavar="FILE.yaml", help="how samples differ, and what is labelled")
+    command.add_argument("--size", default="640x480", metavar="WxH", help="of one image (default: %(default)s)")
+    command.add_argument("--camera", nargs="+", metavar="NAME", help="cameras (default: all, or a free one)")
+    command.add_argument(
+        "--shard-size", type=int, default=100, metavar="N", help="samples of a shard (default: %(default)s)"
+    )
+    command.add_argument("--worlds", type=int, default=16, metavar="N", help="drawn at once (default: %(default)s)")
+    command.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
+    command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: all GPUs in turns, or the CPU)")
+    command.add_argument("--image-format", choices=("jpg", "png"), default="jpg", help="default: %(default)s")
+    command.add_argument("--quality", type=int, default=92, metavar="Q", help="of .jpg, 1 to 95 (default: %(default)s)")
+    command.add_argument(
+        "--antialiasing", type=int, default=4, metavar="N", help="samples of an edge (default: %(default)s)"
+    )
+    command.add_argument(
+        "--validation", type=float, default=0.0, metavar="SHARE", help="of the samples (default: %(default)s)"
+    )
+    command.add_argument(
+        "--option", action="append", default=[], metavar="NAME=VALUE", help="of the writer, see the documentation"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make the data set; returns the exit code."""
+    width, height = image_size(options.size)
+    plan = Plan(
+        scene=str(options.scene or batch_file.DEMO),
+        out=str(options.out),
+        writer=options.writer,
+        count=options.count,
+        seed=options.seed,
+        width=width,
+        height=height,
+        cameras=tuple(options.camera) if options.camera else None,
+        recipes=read_recipes(options.randomize),
+        shard_size=options.shard_size,
+        worlds=options.worlds,
+        device=options.device,
+        image_format=options.image_format,
+        quality=options.quality,
+        antialiasing=options.antialiasing,
+        validation=options.validation,
+        options=tuple(map(_option, options.option)),
+    )
+    screen = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())
+    begun = time.perf_counter()
+    with Progress(*columns, console=screen, disable=not screen.is_terminal) as progress:
+        samples, known = progress.add_task("samples", total=plan.count), -1
+
+        def advance(done: int) -> None:
+            nonlocal known
+            if known < 0:  # those of earlier runs, which are no part of the rate
+                known = done
+                progress.reset(samples, completed=done)
+            else:
+                progress.advance(samples, done)
+
+        try:
+            generate(plan, options.workers, advance)
+        except KeyboardInterrupt:
+            raise WarpcamError("dataset: interrupted; run the same command again to go on") from None
+    made, seconds = plan.count - known, time.perf_counter() - begun
+    print(
+        f"{plan.count:,} samples in {plan.out}, {made:,} of them made now in {seconds:.1f} s ({made / seconds:,.1f} a "
+        "second); look at contact_sheet.png and statistics.html"
+    )
+    return 0
+
+
+def _option(text: str) -> tuple[str, Any]:
+    name, sign, value = text.partition("=")
+    if not sign:
+        raise WarpcamError(f"--option: {text!r} came, NAME=VALUE is needed")
+    if value in ("true", "false"):
+        return name, value == "true"
+    for kind in (int, float):
+        try:
+            return name, kind(value)
+        except ValueError:
+            continue
+    raise WarpcamError(f"--option: {text!r} came, a number, true or false is needed")
