@@ -40,7 +40,7 @@ PYTHON_FLOORS = (
     ("warpcam",),
     ("warpcam.visualize",),
     ("warpcam.envs", "warpcam.compat", "warpcam.viewer"),
-    ("warpcam.train",),
+    ("warpcam.train", "warpcam.datasets"),
     ("warpcam.benchmarks",),
     ("warpcam.tools",),
     ("warpcam.__main__", "warpcam.train.__main__"),
