@@ -1,8 +1,6 @@
 """HDF5 files of demonstrations, as robomimic and as Isaac Lab lay them out."""
 
 import json
-import os
-import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +10,8 @@ import numpy as np
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories.episode import Episode
-from warpcam.datasets.trajectories.parts import Parts, on_disk, replace
+from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed
+from warpcam.datasets.trajectories.parts import Parts, on_disk, replace, write_bytes
 
 try:
     import h5py
@@ -21,8 +20,6 @@ except ImportError as error:
         f"{error.name} is not installed, and files of demonstrations need it: pip install 'warpcam[datasets]'"
     ) from error
 
-WHOLE_ROWS = 4096  # rows with more bytes are compressed each by itself, so that a loader reads no others [bytes]
-LEVELS = range(10)  # of gzip
 Layout = dict[str, tuple[tuple[int, ...], str]]  # of datasets: shape of a row, dtype
 
 
@@ -56,8 +53,7 @@ class Hdf5File:
     ):
         if path.suffix not in (".hdf5", ".h5"):
             raise WarpcamError(f"Writer: path {str(path)!r} came, a file that ends in .hdf5 or .h5 is needed")
-        if compression is not None and (isinstance(compression, bool) or compression not in LEVELS):
-            raise WarpcamError(f"Writer: compression {compression!r} came, 0 to 9 is allowed, or None")
+        check_compression("Writer", compression)
         self.path, self._attributes = path, dict(attributes or {})
         self._env_args = self._whole_env_args(env_args)
         self._compression = self.own_compression if compression is None else compression
@@ -103,7 +99,7 @@ class Hdf5File:
         if episode.success is not None:
             attributes["success"] = episode.success
         content = _content(f"demo_{number}", self.datasets(episode), attributes, self._compression)
-        self._parts.add(number, lambda path: _write_bytes(path, content))
+        self._parts.add(number, lambda path: write_bytes(content, path))
 
     def close(self) -> None:
         """Make the file of all finished episodes."""
@@ -151,8 +147,7 @@ class Hdf5File:
         try:
             self._assemble(path, parts)
         except RuntimeError as error:  # HDF5's, also where the system refuses
-            number = re.search(r"errno = (\d+)", str(error))
-            raise OSError(*((int(number[1]), os.strerror(int(number[1]))) if number else (str(error),))) from error
+            raise as_os_error(error) from error
 
     def _assemble(self, path: Path, parts: list[Path]) -> None:
         if self.path.exists():
@@ -224,21 +219,11 @@ def _content(group: str, datasets: Mapping[str, np.ndarray], attributes: Mapping
     with h5py.File(f"{group}.hdf5", "w", driver="core", backing_store=False) as file:
         demo = file.create_group(f"data/{group}")
         for name, array in datasets.items():
-            options = {}
-            if level is not None:
-                row = array[:1].nbytes
-                options = {"compression": "gzip", "compression_opts": level}
-                if row > WHOLE_ROWS:
-                    options["chunks"] = (1, *array.shape[1:])
-            demo.create_dataset(name, data=array, **options)
+            demo.create_dataset(name, data=array, **compressed(array, level))
         for name, value in attributes.items():
             demo.attrs[name] = value
         file.flush()
         return bytes(file.id.get_file_image())
-
-
-def _write_bytes(path: Path, content: bytes) -> None:
-    path.write_bytes(content)
 
 
 def _layout(datasets: Mapping[str, Any]) -> Layout:

@@ -75,6 +75,10 @@ def on_disk(failure: str) -> Iterator[None]:
         raise WarpcamError(f"{failure}: {error.strerror or error}") from error
 
 
+def write_bytes(content: bytes, path: Path) -> None:
+    path.write_bytes(content)
+
+
 def _sync(path: Path) -> None:
     if os.name == "nt" and path.is_dir():
         return
