@@ -187,6 +187,19 @@ def test_a_recording_that_was_not_closed(device: wp.Device, tmp_path: Path) -> N
     assert not Parts(path).all()
 
 
+def test_a_crash_when_the_file_is_made(device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts that were left over are in the file already: they are not added again."""
+    path = tmp_path / "demos.hdf5"
+    with monkeypatch.context() as crash:
+        crash.setattr(Parts, "remove", lambda parts: None)
+        record(path, device, 4)
+    assert len(Parts(path, ".hdf5").all()) == 2
+    writer = record(path, device, 3, append=True)
+    assert (writer.written, writer.episodes) == (1, 3)
+    with h5py.File(path) as file:
+        assert len(file["data"]) == 3 and file["data"].attrs["total"] == 3 + 4 + 3
+
+
 @contextmanager
 def files_of_at_most(size: int) -> Iterator[None]:
     """Have the system refuse to write more bytes than these into a file: a full disk."""

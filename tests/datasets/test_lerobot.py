@@ -19,7 +19,8 @@ parquet = pytest.importorskip("pyarrow.parquet", reason="pip install 'warpcam[da
 
 from warpcam.datasets import Writer  # noqa: E402
 from warpcam.datasets.trajectories import lerobot as ours  # noqa: E402
-from warpcam.datasets.trajectories import statistics, videos  # noqa: E402
+from warpcam.datasets.trajectories import lerobot_assembly, statistics, videos  # noqa: E402
+from warpcam.datasets.trajectories.parts import Parts  # noqa: E402
 from warpcam.errors import WarpcamError  # noqa: E402
 
 LENGTHS, COUNT, FPS = (4, 3, 9), 12, 20
@@ -209,11 +210,16 @@ def test_a_disk_that_is_full_at_the_end(device: wp.Device, tmp_path: Path, monke
     path = tmp_path / "lift"
     order = record(path, device)
 
-    def full(*_: Any) -> None:
-        raise OSError(28, "No space left on device")
+    write = lerobot_assembly._write_json
+
+    def full(file: Path, content: Any) -> None:
+        """Write the statistics, and not what counts."""
+        if "codebase_version" in content:
+            raise OSError(28, "No space left on device")
+        write(file, content)
 
     with monkeypatch.context() as fault:
-        fault.setattr(ours, "_write_json", full)
+        fault.setattr(lerobot_assembly, "_write_json", full)
         with pytest.raises(WarpcamError, match=r"its episodes are in '.*lift\.parts': No space left on device"):
             record(path, device, append=True)
     assert json.loads((path / "meta/info.json").read_text())["total_episodes"] == len(order)
@@ -223,6 +229,20 @@ def test_a_disk_that_is_full_at_the_end(device: wp.Device, tmp_path: Path, monke
         assert writer.episodes == 2 * len(order)
     assert json.loads((path / "meta/info.json").read_text())["total_episodes"] == 2 * len(order)
     assert len(table(path, "data/*/*.parquet")) == 2 * len(places(order))
+    stats = json.loads((path / "meta/stats.json").read_text())
+    assert stats["action"]["count"] == [2 * len(places(order))]
+
+
+def test_a_crash_when_the_dataset_is_made(device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Parts that were left over are in the dataset already: they are not added again."""
+    path = tmp_path / "lift"
+    with monkeypatch.context() as crash:
+        crash.setattr(Parts, "remove", lambda parts: None)
+        order = record(path, device)
+    assert len(Parts(path).all()) == len(order)
+    Writer(path, format="lerobot", fps=FPS, append=True).close()
+    assert json.loads((path / "meta/info.json").read_text())["total_episodes"] == len(order)
+    assert len(table(path, "data/*/*.parquet")) == len(places(order))
 
 
 def test_what_cannot_be_written(device: wp.Device, tmp_path: Path) -> None:

@@ -10,13 +10,14 @@ import numpy as np
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories import statistics, videos
 from warpcam.datasets.trajectories.episode import Episode
-from warpcam.datasets.trajectories.lerobot_features import COUNTERS, Feature, column, features_of, named
-from warpcam.datasets.trajectories.parts import Parts, on_disk, replace
+from warpcam.datasets.trajectories.lerobot_features import Feature, column, features_of, named
+from warpcam.datasets.trajectories.parts import Parts, on_disk
 
 try:
-    import pandas as pd
     import pyarrow as pa
     from pyarrow import parquet
+
+    from warpcam.datasets.trajectories.lerobot_assembly import FILE, Part, assemble
 except ImportError as error:
     raise WarpcamError(
         f"{error.name} is not installed, and LeRobot datasets need it: pip install 'warpcam[datasets]'"
@@ -25,9 +26,7 @@ except ImportError as error:
 VERSION = "v3.0"
 CHUNK = 1000  # files of a folder
 TABLE_SIZE, VIDEO_SIZE = 100, 200  # of a file at most, if it has more than one episode [MB]
-FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
 DATA, VIDEO = f"data/{FILE}.parquet", f"videos/{{video_key}}/{FILE}.mp4"
-EPISODES = f"meta/episodes/{FILE}.parquet"
 
 
 class LeRobotFolder:
@@ -76,7 +75,6 @@ class LeRobotFolder:
                 "closed; append=True takes them up"
             )
         known = self._info["total_episodes"] if self._info else 0
-        left = [(number, part) for number, part in left if number >= known]
         if left and not self._features:
             self._features = json.loads((left[0][1] / "episode.json").read_text())["features"]
         self.count = max([known, *(number + 1 for number, _ in left)])
@@ -101,11 +99,11 @@ class LeRobotFolder:
     def close(self) -> None:
         """Make the dataset of all finished episodes."""
         known = self._info["total_episodes"] if self._info else 0
-        parts = [_Part(number, path) for number, path in self._parts.all() if number >= known]
+        parts = [Part(number, path) for number, path in self._parts.all() if number >= known]
         if parts:
             failure = f"{str(self.path)!r} could not be written, its episodes are in {str(self._parts.folder)!r}"
             with on_disk(failure):
-                self._assemble(parts, failure)
+                assemble(self.path, parts, self._info or self._new_info(), failure)
         self._parts.remove()
 
     def _read_info(self, append: bool) -> dict[str, Any] | None:
@@ -126,6 +124,15 @@ class LeRobotFolder:
             raise WarpcamError(f"Writer: fps {self._fps} came, {str(self.path)!r} has {info['fps']}")
         return info
 
+    def _new_info(self) -> dict[str, Any]:
+        """Return what is known of a dataset without episodes."""
+        return {
+            "codebase_version": VERSION, "robot_type": self._robot_type, "fps": self._fps, "features": self._features,
+            "total_episodes": 0, "total_frames": 0, "total_tasks": 0, "chunks_size": CHUNK,
+            "data_files_size_in_mb": TABLE_SIZE, "video_files_size_in_mb": VIDEO_SIZE, "data_path": DATA,
+            "video_path": VIDEO if any(feature["dtype"] == "video" for feature in self._features.values()) else None,
+        }  # fmt: skip
+
     def _write(self, folder: Path, episode: Episode) -> None:
         folder.mkdir()
         columns, table, known = named(episode.columns), {}, {}
@@ -140,147 +147,6 @@ class LeRobotFolder:
         parquet.write_table(pa.table(table), folder / "data.parquet")
         about = {"length": len(episode), "task": episode.task, "statistics": known, "features": self._features}
         (folder / "episode.json").write_text(json.dumps(about))
-
-    def _assemble(self, parts: Sequence["_Part"], failure: str) -> None:
-        info = self._info or {"total_episodes": 0, "total_frames": 0}
-        tasks, file = self._tasks(), self._next_file()
-        before = json.loads((self.path / "meta/stats.json").read_text()) if self._info else {}
-        gathered = {name: [one] for name, one in before.items()}
-        keys = [name for name, feature in self._features.items() if feature["dtype"] == "video"]
-        frames = int(info["total_frames"])
-        for group in _groups(parts, keys):
-            place = {"chunk_index": file // CHUNK, "file_index": file % CHUNK}
-            rows, tables = [], []
-            seconds = 0.0
-            for part in group:
-                task = tasks.setdefault(part.about["task"], len(tasks))
-                table, counted = self._counted(part, frames, task)
-                tables.append(table)
-                known = {**part.about["statistics"], **counted}
-                for name, one in known.items():
-                    gathered.setdefault(name, []).append(one)
-                length = part.about["length"]
-                row = {
-                    "episode_index": part.number, "tasks": [part.about["task"]], "length": length,
-                    "dataset_from_index": frames, "dataset_to_index": frames + length,
-                }  # fmt: skip
-                for where in ("data", "meta/episodes", *(f"videos/{key}" for key in keys)):
-                    row.update({f"{where}/{name}": index for name, index in place.items()})
-                until = seconds + length / self._fps
-                for key in keys:
-                    row.update({f"videos/{key}/from_timestamp": seconds, f"videos/{key}/to_timestamp": until})
-                for name, one in known.items():
-                    row.update({f"stats/{name}/{kind}": value for kind, value in one.items()})
-                rows.append(row)
-                seconds, frames = until, frames + length
-            count = sum(part.about["length"] for part in group)
-            for key in keys:
-                each = [part.path / f"{key}.mp4" for part in group]
-                self._put(
-                    VIDEO.format(video_key=key, **place), failure,
-                    lambda path, each=each, count=count: videos.concatenate(path, each, count),
-                )  # fmt: skip
-            self._put(DATA.format(**place), failure, lambda path, tables=tables: _write_tables(path, tables))
-            self._put(
-                EPISODES.format(**place), failure,
-                lambda path, rows=rows: parquet.write_table(pa.Table.from_pylist(rows), path),
-            )  # fmt: skip
-            file += 1
-        index = pd.Index(list(tasks), name="task")
-        self._put(
-            "meta/tasks.parquet", failure, lambda path: pd.DataFrame({"task_index": list(tasks.values())}, index)
-            .to_parquet(path),
-        )  # fmt: skip
-        every = {name: statistics.merged(ones) for name, ones in gathered.items()}
-        self._put("meta/stats.json", failure, lambda path: _write_json(path, every))
-        total = int(info["total_episodes"]) + len(parts)
-        told = {**info, **self._description(bool(keys)), "total_episodes": total, "total_frames": frames}
-        told.update(total_tasks=len(tasks), splits={"train": f"0:{total}"})
-        self._put("meta/info.json", failure, lambda path: _write_json(path, told))  # what is not told of is not read
-
-    def _put(self, name: str, failure: str, write: Any) -> None:
-        path = self.path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace(path, write, failure)
-
-    def _description(self, video: bool) -> dict[str, Any]:
-        if self._info:
-            return {}
-        return {
-            "codebase_version": VERSION, "robot_type": self._robot_type, "fps": self._fps, "features": self._features,
-            "chunks_size": CHUNK, "data_files_size_in_mb": TABLE_SIZE, "video_files_size_in_mb": VIDEO_SIZE,
-            "data_path": DATA, "video_path": VIDEO if video else None,
-        }  # fmt: skip
-
-    def _tasks(self) -> dict[str, int]:
-        if not self._info:
-            return {}
-        table = pd.read_parquet(self.path / "meta/tasks.parquet")
-        return {str(task): int(number) for task, number in table["task_index"].items()}
-
-    def _next_file(self) -> int:
-        """Return the number of the first file that no episode of the dataset is in."""
-        if not self._info:
-            return 0
-        last = -1
-        for path in sorted((self.path / "meta/episodes").glob("*/*.parquet")):
-            table = parquet.read_table(path)
-            for row in table.select([name for name in table.column_names if not name.startswith("stats/")]).to_pylist():
-                if row["episode_index"] < self._info["total_episodes"]:
-                    chunks = [name for name in row if name.endswith("/chunk_index")]
-                    files = [row[name] * CHUNK + row[name.replace("chunk_index", "file_index")] for name in chunks]
-                    last = max([last, *files])
-        return last + 1
-
-    def _counted(self, part: "_Part", first: int, task: int) -> tuple[Any, dict[str, Any]]:
-        """Return an episode's table with the counters, and their statistics."""
-        frames = np.arange(part.about["length"])
-        values = {
-            "timestamp": frames / self._fps, "frame_index": frames, "episode_index": np.full_like(frames, part.number),
-            "index": first + frames, "task_index": np.full_like(frames, task),
-        }  # fmt: skip
-        table = parquet.read_table(part.path / "data.parquet")
-        for name, array in values.items():
-            table = table.append_column(name, pa.array(array.astype(COUNTERS[name])))
-        return table, {name: statistics.of_values(array) for name, array in values.items()}
-
-
-class _Part:
-    """A finished episode."""
-
-    def __init__(self, number: int, path: Path):
-        self.number, self.path = number, path
-        self.about = json.loads((path / "episode.json").read_text())
-
-    def sizes(self, keys: Sequence[str]) -> np.ndarray:
-        """Sizes of its table and of each video [parts of a file's largest]."""
-        sizes = [(self.path / "data.parquet").stat().st_size / TABLE_SIZE]
-        sizes += [(self.path / f"{key}.mp4").stat().st_size / VIDEO_SIZE for key in keys]
-        return np.array(sizes) / 1e6
-
-
-def _groups(parts: Sequence[_Part], keys: Sequence[str]) -> list[list[_Part]]:
-    """Episodes of one file each."""
-    groups: list[list[_Part]] = []
-    filled = np.zeros(1 + len(keys))
-    for part in parts:
-        sizes = part.sizes(keys)
-        if not groups or (filled + sizes > 1.0).any():
-            groups.append([])
-            filled[:] = 0.0
-        groups[-1].append(part)
-        filled += sizes
-    return groups
-
-
-def _write_tables(path: Path, tables: Sequence[Any]) -> None:
-    with parquet.ParquetWriter(path, tables[0].schema) as writer:
-        for table in tables:
-            writer.write_table(table)  # a row group for each episode
-
-
-def _write_json(path: Path, content: Any) -> None:
-    path.write_text(json.dumps(content, indent=4))
 
 
 def _kind(feature: Feature | None) -> Any:

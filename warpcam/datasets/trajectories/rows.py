@@ -25,7 +25,8 @@ def flattened(name: str, value: Any) -> Iterator[tuple[str, torch.Tensor]]:
             yield from flattened(f"{name}/{key}", part)
         return
     if isinstance(value, wp.array):
-        value = torch_interop.to_torch(value)
+        with torch_interop.in_order(value.device):  # torch's copies come after what Warp's stream writes
+            value = torch_interop.to_torch(value)
     try:
         tensor = value.detach() if isinstance(value, torch.Tensor) else torch.as_tensor(np.asarray(value))
     except (TypeError, ValueError) as error:
