@@ -16,6 +16,7 @@ import warp as wp
 h5py = pytest.importorskip("h5py", reason="pip install 'warpcam[datasets]'")
 
 from warpcam.datasets import Writer  # noqa: E402
+from warpcam.datasets.trajectories.hdf5_storage import as_os_error  # noqa: E402
 from warpcam.datasets.trajectories.parts import Parts  # noqa: E402
 from warpcam.errors import WarpcamError  # noqa: E402
 
@@ -248,6 +249,14 @@ def test_a_disk_that_is_full_at_the_end(device: wp.Device, tmp_path: Path) -> No
     Writer(path, format="robomimic", append=True).close()
     with h5py.File(path) as file:
         assert len(file["data"]) == 10
+
+
+def test_errors_of_hdf5_are_the_system_s() -> None:
+    told = as_os_error(
+        RuntimeError("file write failed: errno = 28, error message = 'No space left on device', buf = 0")
+    )
+    assert (told.errno, told.strerror) == (28, "No space left on device")
+    assert str(as_os_error(RuntimeError("no such filter"))) == "no such filter"
 
 
 def test_an_unwritable_folder(tmp_path: Path) -> None:

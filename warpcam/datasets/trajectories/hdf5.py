@@ -10,7 +10,7 @@ import numpy as np
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories.episode import Episode
-from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed
+from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed, require_room
 from warpcam.datasets.trajectories.parts import Parts, on_disk, replace, write_bytes
 
 try:
@@ -150,7 +150,9 @@ class Hdf5File:
             raise as_os_error(error) from error
 
     def _assemble(self, path: Path, parts: list[Path]) -> None:
-        if self.path.exists():
+        before = [self.path] if self.path.exists() else []
+        require_room(path, [*before, *parts])
+        if before:
             shutil.copyfile(self.path, path)
         with h5py.File(path, "a") as file:
             self._mark(file)

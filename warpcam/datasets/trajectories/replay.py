@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed
+from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed, require_room
 from warpcam.datasets.trajectories.parts import Parts, on_disk, replace, write_bytes
 
 try:
@@ -210,6 +210,7 @@ def _content(file: Any, demo: Any, images: Images, compression: int | None) -> b
 
 
 def _assemble(path: Path, source: Any, parts: Sequence[Path], arguments: dict[str, Any] | None) -> None:
+    require_room(path, parts)
     try:
         with h5py.File(path, "w") as file:
             data, total = file.create_group("data"), 0
