@@ -1,8 +1,10 @@
 """Every block of Python in the README and the docs runs as it stands, on a CPU and with few worlds."""
 
+import itertools
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -218,9 +220,33 @@ def isaac_gym() -> Names:
     return {"gym": gym_worlds.GYM, "sim": world.sim, "env": world.envs[0], "camera": world.cameras[0]}
 
 
+def recorded() -> Names:
+    """A vector env that ends each episode after ten steps, and a file of one demonstration."""
+    for name in ("h5py", "imageio_ffmpeg", "pandas", "pyarrow"):
+        pytest.importorskip(name, reason="pip install 'warpcam[datasets]'")
+    import h5py
+
+    names, ends = simulated(), itertools.cycle([False] * 9 + [True])
+
+    def step(actions: np.ndarray) -> tuple[Any, ...]:
+        ended = np.full(2, next(ends))
+        return {"state": actions}, np.zeros(2), ended, ~np.ones(2, bool), {}
+
+    state = np.concatenate(([0.0], names["mjd"].qpos, names["mjd"].qvel))
+    with h5py.File("demos.hdf5", "w") as file:
+        demo = file.create_group("data/demo_0")
+        demo["states"], demo.attrs["model_file"] = state[None], MODEL.replace("wrist", "agentview")
+    return {
+        "env": SimpleNamespace(step=step),
+        "policy": lambda seen: seen["state"],
+        "observations": {"state": np.ones((2, 3))},
+    }
+
+
 PAGES: dict[str, Callable[[], Names]] = {
     "README.md": simulated,
     "docs/cameras.md": cameras,
+    "docs/datasets_trajectories.md": recorded,
     "docs/jax.md": in_jax,
     "docs/labels.md": looked_at,
     "docs/memory.md": memory,

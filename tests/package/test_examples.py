@@ -125,6 +125,16 @@ def test_gymnasium_cartpole(tmp_path: Path) -> None:
     assert float(lean) > 0.3
 
 
+def test_record_episodes(tmp_path: Path) -> None:
+    for name in ("imageio_ffmpeg", "pandas", "pyarrow"):
+        pytest.importorskip(name, reason="pip install 'warpcam[datasets]'")
+    printed = run(QUICK, str(EXAMPLES / "record_episodes.py"), folder=tmp_path)
+    count = int(re.search(r"(\d+) episodes of 16 worlds in cartpole-episodes", printed).group(1))
+    info = json.loads((tmp_path / "cartpole-episodes/meta/info.json").read_text())
+    assert count == info["total_episodes"] > 16
+    assert info["features"]["observation.images.side"]["shape"] == [64, 64, 3]
+
+
 def test_jax_cartpole(tmp_path: Path) -> None:
     for name in ("jax", "mujoco.mjx", "brax"):
         pytest.importorskip(name, reason="pip install 'warpcam[jax]' mujoco-mjx brax", exc_type=ImportError)

@@ -1,7 +1,7 @@
 """Exchange of arrays between Warp and torch.
 
-No other module of the package imports torch, except the formulas of lenses, front ends whose data are torch's, training
-and the command line.
+No other module of the package imports torch, except the formulas of lenses, front ends whose data are torch's,
+training, datasets and the command line.
 """
 
 from collections.abc import Iterator, Sequence

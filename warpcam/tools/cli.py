@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render``, ``dataset``, ``view``, ``train``, ``bench``, ``doctor`` and ``cache``."""
+"""The command ``warpcam``: ``render``, ``dataset``, ``replay``, ``view``, ``train``, ``bench``, ``doctor``, ``cache``."""
 
 import argparse
 import re
@@ -21,6 +21,7 @@ from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.datasets.trajectories import replay_options as replays
 from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
@@ -97,6 +98,10 @@ def _parser() -> argparse.ArgumentParser:
     learn = commands.add_parser("train", help=training.ABOUT)
     learn.set_defaults(command=train.run)
     training.add(learn)
+
+    replayed = commands.add_parser("replay", help=replays.ABOUT)
+    replayed.set_defaults(command=replays.run)
+    replays.add(replayed)
 
     about = "print what is where on this machine, and render a small scene on every device; 1 if one fails"
     examined = commands.add_parser("doctor", help=about, description=about)

@@ -1,0 +1,1 @@
+"""Trajectories: episodes of batched worlds as datasets, and demonstrations replayed into images."""
