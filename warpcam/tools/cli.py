@@ -1,4 +1,4 @@
-"""The command ``warpcam``: ``render``, ``dataset``, ``replay``, ``view``, ``train``, ``bench``, ``doctor``, ``cache``."""
+"""The command ``warpcam``: render, dataset, replay, view, train, bench, doctor and cache."""
 
 import argparse
 import re
