@@ -27,7 +27,7 @@ def test_the_runner_learns(device: wp.Device, tmp_path: Path, critic: str) -> No
     training = ppo.Training(RslRlVecEnv(env, LONGEST), config, tmp_path, lambda iteration, mean: told.append(iteration))
     model = training.runner.alg.get_policy()
     assert dict(zip(model.obs_groups_2d, model.obs_channels_2d, strict=True)) == {"top_rgb": 2, "top_depth": 1}
-    before = [weights.clone() for weights in model.parameters()]
+    before = [weights.detach().clone() for weights in model.parameters()]
     with pytest.raises(WarpcamError, match="the env has no episode_length_buf to set"):
         training.learn(2)
     training.learn(2, spread=False)

@@ -67,7 +67,7 @@ def test_its_agent_learns(device: wp.Device) -> None:
         device=env.device,
         cfg=config,
     )
-    before = [weights.clone() for weights in models["policy"].parameters()]
+    before = [weights.detach().clone() for weights in models["policy"].parameters()]
     trainer = SequentialTrainer(
         env=env,
         agents=agent,
