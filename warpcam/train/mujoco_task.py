@@ -164,7 +164,16 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             operations = tuple(operation for operation in operations if operation != Normalize())
         return {self.image: ImageTransform(operations, stack=self.stack)}
 
-    def pixels(self, width: int, height: int, *, capture: bool = True, colors: str = "float32") -> PixelEnv:
+    def pixels(
+        self,
+        width: int,
+        height: int,
+        *,
+        capture: bool = True,
+        colors: str = "float32",
+        keep_final: bool = True,
+        eyes: warpcam.Renderer | Rig | None = None,
+    ) -> PixelEnv:
         """Make the batched env of images of which policies learn.
 
         Args:
@@ -173,9 +182,16 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             capture: As ``PixelEnv`` has it.
             colors: "float32" from 0 to 1, or "uint8" from 0 to 255: a quarter of the memory, for models that divide by
                 255 themselves, as those of ``warpcam.train.ppo`` do. Depth is float32.
+            keep_final: As ``PixelEnv`` has it.
+            eyes: What sees, in place of ``self.eyes(width, height)``.
         """
         return PixelEnv(
-            self, self.eyes(width, height), transforms=self.transforms(colors), state=STATE, capture=capture
+            self,
+            eyes or self.eyes(width, height),
+            transforms=self.transforms(colors),
+            state=STATE,
+            keep_final=keep_final,
+            capture=capture,
         )
 
     def _compile(self) -> mujoco.MjModel:
