@@ -179,6 +179,7 @@ class Run:
             start = time.perf_counter()
             training.learn(iterations)
             seconds = time.perf_counter() - start
+            training.runner.logger.writer.close()  # before its folder is removed
         return curve, training.policy(), seconds
 
 
