@@ -57,6 +57,7 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     add_learning(parser)
     parser.add_argument("--device", metavar="D", help="default: the first GPU, or the CPU")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="in which all runs are to end")
+    parser.add_argument("--warm-up", action="store_true", help="have kernels compiled, and do no run")
     parser.add_argument("--out", type=Path, default=Path("training.json"), help="default: %(default)s")
     options = parser.parse_args(arguments)
     for name in ("worlds", "iterations", "epochs", "mini_batches"):
@@ -89,6 +90,9 @@ def measure(options: argparse.Namespace) -> int:
                 Run(renderer, seed, options, device).learn(WARM)
                 print(f"{renderer}: ready after {time.perf_counter() - start:.1f} s", flush=True)
                 warm.add(renderer)
+                release(device)
+            if options.warm_up:
+                continue
             start = time.perf_counter()
             row = Run(renderer, seed, options, device).whole()
             release(device)
@@ -96,7 +100,8 @@ def measure(options: argparse.Namespace) -> int:
             report["results"].append(row | {"machine": machine.describe(device)})
             write(report, options.out)
             print(training_table.line(row), flush=True)
-    training_table.show(report["results"])
+    if report["results"]:
+        training_table.show(report["results"])
     return 0
 
 
