@@ -82,7 +82,7 @@ def measure(options: argparse.Namespace) -> int:
             if key_of(described(renderer, seed, options, settings(seed, options, device))) in known:
                 continue
             spent = time.perf_counter() - begun
-            if spent + lengths.get(renderer, 0.0) > options.seconds:
+            if spent + lengths.get(renderer, max(lengths.values(), default=0.0)) > options.seconds:
                 print(f"{renderer}, seed {seed}: not begun, {spent:.0f} s are over", flush=True)
                 continue
             if renderer not in warm:

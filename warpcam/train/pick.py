@@ -23,8 +23,9 @@ SHOULDER = BASE + LINKS[0][2]  # height [m]
 UPPER, LOWER = LINKS[1][2] + LINKS[2][2], LINKS[3][2] + LINKS[4][2]  # from shoulder to elbow, from elbow to wrist [m]
 WRIST = LINKS[5][2] + LINKS[6][2] + TOOL  # from wrist to tool [m]
 OPTIONS = (
-    '<option timestep="0.01" integrator="implicitfast" cone="elliptic" impratio="10" iterations="50" ls_iterations="50">'
-    '<flag nativeccd="disable"/></option>'  # boxes by their own test, not by one of all convex shapes
+    '<option timestep="0.01" integrator="implicitfast" cone="elliptic" impratio="10" iterations="50" '
+    'ls_iterations="50">'
+    '<flag nativeccd="disable"/></option>'  # boxes by a test of their own
 )
 FINGER = """
 <body name="finger{side}" pos="0 0 0.035" gravcomp="1">
