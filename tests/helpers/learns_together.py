@@ -21,7 +21,8 @@ def main(folder: Path) -> None:
     before = {name: [one.clone() for one in model.parameters()] for name, model in models.items()}
     training.learn(2)
     after = {name: [one.detach() for one in model.parameters()] for name, model in models.items()}
-    torch.save({"states": states, "before": before, "after": after}, folder / f"{rank.number}.pt")
+    told = {"local": rank.local, "states": states, "before": before, "after": after}
+    torch.save(told, folder / f"{rank.number}.pt")
     rank.close()
 
 

@@ -1,6 +1,7 @@
 """Processes that learn together: device and seed of each, and what they come to."""
 
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -25,17 +26,43 @@ def test_ranks_have_seeds_of_their_own_and_the_first_writes(monkeypatch: pytest.
     assert rank.device("cpu") == "cpu"
 
 
-def test_two_processes_learn_the_same_weights_from_different_worlds(tmp_path: Path) -> None:
+ONE_HOST = [["--standalone", "--nproc-per-node", "2"]]
+
+
+def two_hosts() -> list[list[str]]:
+    """As on two hosts, the second of which finds the first by its address; here both are this one."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = str(free.getsockname()[1])
+    shared = ["--nnodes", "2", "--nproc-per-node", "1", "--master-addr", "127.0.0.1", "--master-port", port]
+    return [[*shared, "--node-rank", str(number)] for number in range(2)]
+
+
+@pytest.mark.parametrize("hosts", [1, 2])
+def test_two_processes_learn_the_same_weights_from_different_worlds(tmp_path: Path, hosts: int) -> None:
     pytest.importorskip("rsl_rl", reason="pip install 'warpcam[train]'")
-    launcher = ["-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
     program = [str(HELPERS / "fast_compile.py"), str(HELPERS / "learns_together.py"), str(tmp_path)]
     # Without Mesa, before which triton would have to be imported.
     environment = {**os.environ, "CUDA_VISIBLE_DEVICES": "", "OMP_NUM_THREADS": "1", "MUJOCO_GL": "disable"}
-    done = subprocess.run(
-        [sys.executable, *launcher, *program], env=environment, capture_output=True, text=True, timeout=240
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    groups = [
+        subprocess.Popen(
+            [sys.executable, "-m", "torch.distributed.run", *launched, *program],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        for launched in (ONE_HOST if hosts == 1 else two_hosts())
+    ]
+    try:
+        for group in groups:
+            printed, _ = group.communicate(timeout=240)
+            assert group.returncode == 0, printed
+    finally:
+        for group in groups:
+            group.kill()
     first, second = (torch.load(tmp_path / f"{number}.pt") for number in range(2))
+    assert [one["local"] for one in (first, second)] == ([0, 1] if hosts == 1 else [0, 0])
     assert not (first["states"] == second["states"]).any()
     for model in ("actor", "critic"):
         assert all(map(torch.equal, first["after"][model], second["after"][model])), model
