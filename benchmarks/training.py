@@ -73,7 +73,8 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
 
 def measure(options: argparse.Namespace) -> int:
     """Do the runs that the file does not have, one seed of all renderers after another."""
-    device, begun, lengths = resolve(options.device), time.perf_counter(), {}
+    device, begun = resolve(options.device), time.perf_counter()
+    lengths: dict[str, float] = {}
     report = opened(options.out)
     known = {key_of(row) for row in report["results"]}
     warm: set[str] = set()

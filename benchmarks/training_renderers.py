@@ -53,7 +53,7 @@ class PeerEyes(wc.Renderer):
 
     def __init__(self, name: str, task: MujocoTask, camera: wc.Camera):
         super().__init__(task.scene, [camera])
-        case = Case("task", "", mujoco.MjSpec, (camera.name,))
+        case = Case("task", "", mujoco.MjSpec, (task.camera,))
         sizes = (task.num_envs, camera.width, camera.height)
         device = task.scene.device
         with wp.ScopedDevice(device):
@@ -64,7 +64,7 @@ class PeerEyes(wc.Renderer):
             self._variant = fastest(self._peer, device)
             red, self._packed = packed(name, self._peer, sizes)
             self._shifts = (16, 8, 0) if red else (0, 8, 16)
-        self._rgb = self.array(camera.name, "rgb")
+        self._rgb = self.array(task.camera, "rgb")
 
     def render(self, worlds: Any = None, forward: bool = False) -> Any:
         """Draw all worlds, whichever are asked for: peers know no masks."""
