@@ -24,7 +24,9 @@ def test_the_runner_learns(device: wp.Device, tmp_path: Path, critic: str) -> No
     for model in ("actor", "critic") if critic != "state" else ("actor",):
         config[model] = {**config[model], "cnn_cfg": convolutions}
     told = []
-    training = ppo.Training(RslRlVecEnv(env, LONGEST), config, tmp_path, lambda iteration, mean: told.append(iteration))
+    training = ppo.Training(
+        RslRlVecEnv(env, LONGEST), config, tmp_path, lambda iteration, *found: told.append(iteration)
+    )
     model = training.runner.alg.get_policy()
     assert dict(zip(model.obs_groups_2d, model.obs_channels_2d, strict=True)) == {"top_rgb": 2, "top_depth": 1}
     before = [weights.detach().clone() for weights in model.parameters()]

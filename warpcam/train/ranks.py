@@ -4,6 +4,7 @@ import os
 from dataclasses import dataclass
 
 import torch
+import warp as wp
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
@@ -38,7 +39,10 @@ class Rank:
         return self.number == 0
 
     def device(self, asked: str | None) -> str:
-        """Alias of this process's device: the GPU of its local number, if there are several processes and GPUs."""
+        """Alias of this process's device: the GPU of its local number, if there are several processes and GPUs.
+
+        That GPU becomes the current device of torch and Warp, so that what names none has no memory on another's.
+        """
         if self.count == 1 or (asked is not None and resolve(asked).is_cpu):
             return resolve(asked).alias
         if asked not in (None, "cuda"):
@@ -53,6 +57,8 @@ class Rank:
             raise WarpcamError(
                 f"{self.local + 1} processes or more came on this host, which has {found} GPUs; start one for each"
             )
+        torch.cuda.set_device(self.local)
+        wp.set_device(f"cuda:{self.local}")
         return f"cuda:{self.local}"
 
     def seed(self, seed: int) -> int:
