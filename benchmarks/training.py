@@ -32,7 +32,7 @@ from warpcam.train.run import chosen, size_of
 from warpcam.train.tasks import TASKS
 
 WARM = 4  # iterations of the run before the first of a renderer
-LEARNING = ("epochs", "mini_batches", "precision", "colors", "graphs")
+LEARNING = ("epochs", "mini_batches", "encoder", "precision", "colors", "graphs")
 SETTLED = 10  # iterations after which the speed is that of ``steps_per_second``
 KEY = ("task", "renderer", "seed", "worlds", "size", "iterations", *LEARNING)
 Row = dict[str, Any]
@@ -117,6 +117,7 @@ def described(renderer: str, seed: int, options: argparse.Namespace, config: dic
         "iterations": options.iterations,
         "epochs": config["algorithm"]["num_learning_epochs"],
         "mini_batches": config["algorithm"]["num_mini_batches"],
+        "encoder": options.encoder,
         "precision": config["precision"],
         "colors": options.colors,
         "graphs": options.graphs,

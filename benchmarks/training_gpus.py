@@ -24,7 +24,7 @@ from warpcam.benchmarks import machine
 from warpcam.benchmarks.report import console
 from warpcam.benchmarks.training import summary, write
 from warpcam.core.errors import WarpcamError
-from warpcam.train.options import TASKS
+from warpcam.train.options import ENCODERS, TASKS
 
 EVERY = 0.5  # seconds between two looks at the cards
 Row = dict[str, Any]
@@ -60,6 +60,7 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--iterations", type=int, default=120, help="default: %(default)s")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], metavar="N", help="default: 0")
     parser.add_argument("--size", default="64x64", metavar="WxH", help="default: %(default)s")
+    parser.add_argument("--encoder", choices=ENCODERS, default="task", help="default: %(default)s")
     parser.add_argument("--device", metavar="D", help="cpu, or a GPU for each process (default)")
     parser.add_argument(
         "--alone",
@@ -86,6 +87,7 @@ def learn(count: int, worlds: int, seed: int, options: argparse.Namespace) -> Ro
         ]
         command += ["--seed", str(seed), "--size", options.size, "--out", folder]
         command += ["--device", options.device] if options.device else []
+        command += ["--encoder", options.encoder]
         memory: dict[str, dict[str, int]] = {}
         log = Path(folder, "log")
         with log.open("w") as written:
@@ -100,6 +102,7 @@ def learn(count: int, worlds: int, seed: int, options: argparse.Namespace) -> Ro
             raise WarpcamError(f"{' '.join(command[1:])} has failed:\n{log.read_text()[-4000:]}")
         told = json.loads(Path(folder, "returns.json").read_text())
     row = {"processes": count, "worlds": worlds, "seed": seed, "iterations": options.iterations, "task": options.task}
+    row["encoder"] = options.encoder
     row |= {name: told[name] for name in ("device", "random", "trained", "success", "most", "seconds")}
     return row | summary(told["curve"], told["most"]) | {"memory_mib": memory, "curve": told["curve"]}
 

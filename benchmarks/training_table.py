@@ -16,7 +16,7 @@ from rich.table import Table
 from warpcam.benchmarks.report import console
 
 Row = dict[str, Any]
-GROUP = ("task", "renderer", "worlds", "size", "iterations", "epochs")
+GROUP = ("task", "renderer", "worlds", "size", "iterations", "epochs", "encoder", "precision")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -42,7 +42,17 @@ def line(row: Row) -> str:
 def show(rows: Sequence[Row]) -> None:
     """Print medians over the seeds."""
     table = Table(
-        "task", "renderer", "worlds", "epochs", "seeds", "steps/s", "90 % (s)", "steps to 90 %", "return", "success"
+        "task",
+        "renderer",
+        "worlds",
+        "epochs",
+        "encoder",
+        "seeds",
+        "steps/s",
+        "90 % (s)",
+        "steps to 90 %",
+        "return",
+        "success",
     )
     for group in groups(rows):
         first = group[0]
@@ -51,6 +61,7 @@ def show(rows: Sequence[Row]) -> None:
             first["renderer"],
             str(first["worlds"]),
             str(first["epochs"]),
+            first["encoder"],
             str(len(group)),
             _number(median(group, "steps_per_second"), ",.0f"),
             _number(median(group, "seconds_to_90"), ".1f"),
@@ -85,7 +96,8 @@ def plot(rows: Sequence[Row], path: Path) -> None:
 
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), sharey=True)
     for color, group in zip(pyplot.rcParams["axes.prop_cycle"].by_key()["color"], groups(rows), strict=False):
-        name = f"{group[0]['renderer']}, {group[0]['worlds']:,} worlds"
+        first = group[0]
+        name = f"{first['renderer']}, {first['worlds']:,} worlds, {first['epochs']} epochs, encoder: {first['encoder']}"
         returns = [
             [np.nan if point["mean_return"] is None else point["mean_return"] for point in row["curve"]]
             for row in group

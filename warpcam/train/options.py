@@ -14,6 +14,8 @@ TASKS = {
 CRITICS = ("state", "pixels")
 COLORS = ("uint8", "float32")
 PRECISIONS = ("float32", "tf32", "bfloat16")
+SMALL_ENCODER = {"output_channels": [16, 32], "kernel_size": [8, 4], "stride": [4, 2], "activation": "elu"}
+ENCODERS = ("task", "small")
 PROFILED = 10  # iterations of a profile
 
 
@@ -66,6 +68,12 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
         action=argparse.BooleanOptionalAction,
         default=True,
         help="step, act and learn as CUDA graphs on a GPU (default: on)",
+    )
+    parser.add_argument(
+        "--encoder",
+        choices=ENCODERS,
+        default="task",
+        help="convolutions of images: the task's own, or such of strides 4 and 2 (default: %(default)s)",
     )
     parser.add_argument("--epochs", type=int, metavar="N", help="of learning from a stretch (default: the task's own)")
     parser.add_argument("--mini-batches", type=int, metavar="N", help="of each epoch (default: the task's own)")

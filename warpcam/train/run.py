@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam.core.errors import WarpcamError
-from warpcam.train.options import PROFILED
+from warpcam.train.options import PROFILED, SMALL_ENCODER
 from warpcam.train.ranks import Rank
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
         "colors": options.colors,
         "graphs": options.graphs,
         "precision": config["precision"],
+        "encoder": options.encoder,
         "channels_last": config["actor"]["channels_last"],
         "epochs": config["algorithm"]["num_learning_epochs"],
         "mini_batches": config["algorithm"]["num_mini_batches"],
@@ -102,6 +103,7 @@ def chosen(options: argparse.Namespace, on_gpu: bool) -> dict[str, Any]:
         "graphs": options.graphs,
         "num_learning_epochs": options.epochs,
         "num_mini_batches": options.mini_batches,
+        "encoder": SMALL_ENCODER if options.encoder == "small" else None,
     }
     return {name: value for name, value in chosen.items() if value is not None}
 
