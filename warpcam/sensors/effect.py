@@ -57,6 +57,8 @@ class Effect:
         writes_bytes: An effect on colours that writes ``EffectFrame.color_target``, which has the bytes of the result
             if it is the last. One that reads bytes, too, takes light through the sRGB curve there where display values
             are to follow. Colours of others go through a pass of their own.
+        starts_with_bytes: An effect that reads bytes and makes bytes of numbers first: the one before it writes bytes
+            where it can.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """
@@ -68,6 +70,7 @@ class Effect:
     takes_light: ClassVar[bool] = False
     reads_bytes: ClassVar[bool] = False
     writes_bytes: ClassVar[bool] = False
+    starts_with_bytes: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
     timed: ClassVar[bool] = False
 

@@ -27,6 +27,7 @@ from warpcam.sensors.timing.delivery import DeliveredImages, Delivery
 
 Images = Mapping[str, wp.array]
 BindStep = Callable[[wp.array, wp.array, Images, range, wp.array], Sequence[Stage]]
+BYTES = 2  # place of an image of bytes on the way
 GRADES = {"linear": 0, "display": 1}  # of effects on colours, in the order in which they may come
 
 
@@ -40,6 +41,7 @@ class Step:
         bind: Gives its stages for source, target, truth, worlds and mask.
         reads_bytes: It may read bytes of colours.
         writes_bytes: It may write bytes of colours.
+        starts_with_bytes: It makes bytes of what it reads.
     """
 
     source: str
@@ -47,6 +49,7 @@ class Step:
     bind: BindStep
     reads_bytes: bool = False
     writes_bytes: bool = False
+    starts_with_bytes: bool = False
 
 
 class Measurement:
@@ -114,7 +117,7 @@ class Measurement:
         stages: list[Stage] = []
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
             source = _as_rows(self._sources[steps[0].source][within])
-            targets = [buffers[place][within] for place in _places(self._buffered(steps))]
+            targets = [buffers[place][within] for place in _places(steps, self._buffered(steps))]
             if self._stored and steps is self._chains[-1]:
                 targets.append(_as_rows(self._measured[self._stored][within]))
             for step, target in zip(steps, targets, strict=True):
@@ -233,9 +236,9 @@ class Measurement:
             self._stored = results[0]
         return steps
 
-    def _buffered(self, steps: Sequence[Step]) -> Sequence[Step]:
-        """The steps of a chain that do not write bytes of the result."""
-        return steps[:-1] if self._stored and steps is self._chains[-1] else steps
+    def _buffered(self, steps: Sequence[Step]) -> int:
+        """How many steps of a chain do not write bytes of the result."""
+        return len(steps) - (1 if self._stored and steps is self._chains[-1] else 0)
 
     def _step(
         self,
@@ -253,7 +256,7 @@ class Measurement:
             frame = dataclasses.replace(frame, is_linear=is_linear, gives_light=gives_light)
             return effect.bind(dataclasses.replace(frame, through_srgb=through_srgb))
 
-        return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes)
+        return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes, effect.starts_with_bytes)
 
     def _frame(
         self, number: int, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
@@ -296,15 +299,15 @@ class Measurement:
     def _size(self) -> wp.vec2i:
         return wp.vec2i(self.width, self.height)
 
-    def _make_buffers(self, steps: Sequence[Step]) -> list[wp.array]:
-        """The measured image, and a second one where a step that is not the first looks at neighbours.
-
-        None for colours of which the only step writes bytes.
-        """
+    def _make_buffers(self, steps: Sequence[Step]) -> dict[int, wp.array]:
+        """Images that steps write, by place: the measured one, and others that are read on the way to it."""
         dtype = wp.float32 if steps[0].source == "depth" else wp.vec3
         shape = (self._num_worlds, self.height * self.width)
-        count = 1 + max(_places(self._buffered(steps)), default=-1)
-        return [wp.zeros(shape, dtype=dtype, device=self._device) for _ in range(count)]
+        places = _places(steps, self._buffered(steps))
+        buffers = {place: wp.zeros(shape, dtype=dtype, device=self._device) for place in {*places} - {BYTES}}
+        if BYTES in places:
+            buffers[BYTES] = wp.zeros((*shape, 3), dtype=wp.uint8, device=self._device)
+        return buffers
 
     def _make_images(self) -> dict[str, wp.array]:
         """Images that effects change."""
@@ -323,12 +326,18 @@ class Measurement:
         return DeliveredImages(self._effects[-1], self._arrays[-1], {**self._sources, **self._measured}, self._where)
 
 
-def _places(steps: Sequence[Step]) -> list[int]:
-    """Which buffer each step writes: the last the first one, and a step that looks at neighbours not what it reads."""
+def _places(steps: Sequence[Step], count: int) -> list[int]:
+    """Which buffer each of the first so many steps writes.
+
+    The last of numbers writes the first one, and a step that looks at neighbours not what it reads. What begins with
+    bytes is given bytes.
+    """
     places, place = [], 0
-    for step in reversed(steps):
-        places.append(place)
-        place = place if step.in_place else 1 - place
+    for number in reversed(range(count)):
+        follows = steps[number + 1 : number + 2]
+        gives_bytes = any(step.starts_with_bytes for step in follows) and steps[number].writes_bytes
+        places.append(BYTES if gives_bytes else place)
+        place = place if steps[number].in_place else 1 - place
     return places[::-1]
 
 

@@ -5,16 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.depth_lookup import shift_bilinear
 from warpcam.sensors.kernels.disparity import add_disparity_noise, quantize_disparity
-from warpcam.sensors.kernels.matching_window import MatchingRule, WindowRows, keep_matches, sum_window_rows
-
-MAX_RADIUS = 15
+from warpcam.sensors.kernels.matching_window import MAX_RADIUS, MatchingRule, bind_matches
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +140,4 @@ class MatchingWindow(Effect):
         rule.views, rule.radius = frame.views, int(self.radius)
         rule.baseline, rule.tolerance, rule.share = params.baseline, params.tolerance, params.share
         rule.focal = params.focal_length
-        rows = WindowRows()
-        rows.sums, rows.counts = wp.empty_like(frame.source), wp.empty_like(frame.source)
-        rows.least, rows.greatest = wp.empty_like(frame.source), wp.empty_like(frame.source)
-        common = [frame.mask, frame.size, rule]
-        return [
-            frame.per_strip(sum_window_rows, [*common, frame.source, rows]),
-            frame.per_strip(keep_matches, [*common, rows, frame.source, frame.target]),
-        ]
+        return [bind_matches(frame.width, frame.height, frame.mask, rule, frame.source, frame.target)]
