@@ -131,6 +131,8 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         observations, rewards, terminations, truncations, infos = self.env.step(actions)
+        if self._mode is AutoresetMode.SAME_STEP and not self._resets:  # the env has reset them
+            self._ended = terminations | truncations
         if self._ended is not None:
             self._forget(self._ended)
         if self._mode is AutoresetMode.NEXT_STEP:
@@ -139,7 +141,7 @@ class PixelObservation(VectorWrapper):  # type: ignore[misc]
         if self._resets:
             # What the env gives may be memory of its own, which the reset writes.
             observations, rewards, terminations, truncations, infos = map(
-                _copied, (observations, rewards, terminations, truncations, infos)
+                copied, (observations, rewards, terminations, truncations, infos)
             )
             observed, infos = self._reset_ended(observations, terminations | truncations, infos)
         else:
@@ -331,11 +333,11 @@ def _check_mode(own: Any, wanted: Any, final_images: bool) -> Any:
     return own if wanted is None else wanted
 
 
-def _copied(values: Any) -> Any:
+def copied(values: Any) -> Any:
     if isinstance(values, Mapping):
-        return {key: _copied(value) for key, value in values.items()}
+        return {key: copied(value) for key, value in values.items()}
     if isinstance(values, tuple):
-        return tuple(map(_copied, values))
+        return tuple(map(copied, values))
     if isinstance(values, np.ndarray):
         return values.copy()
     return torch_interop.copied(values) if torch_interop.is_tensor(values) else values

@@ -311,6 +311,9 @@ def test_a_task_of_mjlab_learns_by_its_own_runner(
     monkeypatch.setattr(sys, "argv", [program.name, "--worlds", "2", "--iterations", "1", "--steps", "4"])
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(program), run_name="__main__")
-    told = json.loads((tmp_path / "mjlab-vision" / "returns.json").read_text())
+    (told,) = json.loads((tmp_path / "mjlab-vision" / "returns.json").read_text())
     assert told["renderer"] == "warpcam" and len(told["curve"]) == 1
-    assert "Mjlab-Lift-Cube-Yam-Rgb, drawn by warpcam: " in capsys.readouterr().out
+    assert "Mjlab-Lift-Cube-Yam-Rgb, warpcam, seed 0: " in capsys.readouterr().out
+    monkeypatch.setattr(sys, "argv", [*sys.argv, "--seconds", "0"])  # the run is there, and is not done again
+    runpy.run_path(str(program), run_name="__main__")
+    assert "warpcam: median" in capsys.readouterr().out

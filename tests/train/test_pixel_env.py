@@ -60,6 +60,27 @@ def test_stacks_of_new_episodes_have_no_frame_of_the_last(device: wp.Device) -> 
                 assert torch.equal(now[world, :2], before[world, 1:])
 
 
+@pytest.mark.parametrize("stack", [1, 3])
+def test_without_last_observations_a_step_draws_once(device: wp.Device, stack: int) -> None:
+    """What is observed is the same, over ends of episodes."""
+    envs = [sliders(device, stack=stack, keep_final=keeps) for keeps in (True, False)]
+    for env in envs:
+        env.reset(seed=1)
+    plain, once = envs
+    assert once.final == {}
+    actions, ended = torch.ones((4, 1), device=plain.device), 0
+    for _ in range(2 * LONGEST):
+        drawn = once.renderer.frames.clone()
+        expected, step = plain.step(actions), once.step(actions)
+        assert bool((once.renderer.frames == drawn + 1).all())
+        for key, value in expected.observations.items():
+            assert torch.equal(value, step.observations[key]), key
+        for name in ("rewards", "terminated", "truncated"):
+            assert torch.equal(getattr(expected, name), getattr(step, name)), name
+        ended += int(step.ended.sum())
+    assert ended > 4
+
+
 def test_an_observation_stays_until_the_step_after_next(device: wp.Device) -> None:
     env = sliders(device)
     env.reset(seed=1)

@@ -214,25 +214,30 @@ class Frames:
         """Number of the place of ``now``: 0 or 1."""
         return self._now
 
-    def push(self, images: torch.Tensor) -> torch.Tensor:
-        """Add a frame of every world; returns the observation."""
-        last = self.now
+    def push(self, images: torch.Tensor, begun: torch.Tensor | None = None) -> torch.Tensor:
+        """Add a frame of every world, which is all of the observation in the worlds of the mask; returns it."""
+        last, frame = self.now, self._run(images)
         self.turn()
         self.now[:, : -self._channels].copy_(last[:, self._channels :])
-        self.now[:, -self._channels :].copy_(self._run(images))
+        self.now[:, -self._channels :].copy_(frame)
+        if begun is not None:
+            self._fill(frame, begun, self.now.shape[1] - self._channels)
         return self.now
 
     def restart(self, images: torch.Tensor, worlds: torch.Tensor | None = None) -> torch.Tensor:
         """Have the observation of the worlds of the mask, or of all, begin with this frame; returns the observation."""
-        frame = self._run(images)
-        for first in range(0, self.now.shape[1], self._channels):
+        self._fill(self._run(images), worlds, self.now.shape[1])
+        return self.now
+
+    def _fill(self, frame: torch.Tensor, worlds: torch.Tensor | None, channels: int) -> None:
+        """Put a frame in place of each of the frames that the first channels are, in the worlds of the mask."""
+        for first in range(0, channels, self._channels):
             part = self.now[:, first : first + self._channels]
             if worlds is None:
                 part.copy_(frame)
             else:
                 mask = worlds.reshape(-1, *[1] * (part.ndim - 1))
                 torch.where(mask, frame.to(part.dtype), part, out=part)
-        return self.now
 
     def _run(self, images: torch.Tensor) -> torch.Tensor:
         for run in self._runs:

@@ -93,8 +93,8 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             self.data = mjw.make_data(self.host, nworld=num_envs, nconmax=self.max_contacts, njmax=self.max_constraints)
         data = self.data
         # These tensors are the simulator's memory: writing them is writing its state.
-        self._position, self._velocity, self._control, self._warmstart = map(
-            torch_interop.to_torch, (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart)
+        self._position, self._velocity, self._control, self._warmstart, self._time = map(
+            torch_interop.to_torch, (data.qpos, data.qvel, data.ctrl, data.qacc_warmstart, data.time)
         )
         self._torch_device = self._position.device
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self._torch_device)
@@ -164,7 +164,16 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             operations = tuple(operation for operation in operations if operation != Normalize())
         return {self.image: ImageTransform(operations, stack=self.stack)}
 
-    def pixels(self, width: int, height: int, *, capture: bool = True, colors: str = "float32") -> PixelEnv:
+    def pixels(
+        self,
+        width: int,
+        height: int,
+        *,
+        capture: bool = True,
+        colors: str = "float32",
+        keep_final: bool = True,
+        eyes: warpcam.Renderer | Rig | None = None,
+    ) -> PixelEnv:
         """Make the batched env of images of which policies learn.
 
         Args:
@@ -173,9 +182,16 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
             capture: As ``PixelEnv`` has it.
             colors: "float32" from 0 to 1, or "uint8" from 0 to 255: a quarter of the memory, for models that divide by
                 255 themselves, as those of ``warpcam.train.ppo`` do. Depth is float32.
+            keep_final: As ``PixelEnv`` has it.
+            eyes: What sees, in place of ``self.eyes(width, height)``.
         """
         return PixelEnv(
-            self, self.eyes(width, height), transforms=self.transforms(colors), state=STATE, capture=capture
+            self,
+            eyes or self.eyes(width, height),
+            transforms=self.transforms(colors),
+            state=STATE,
+            keep_final=keep_final,
+            capture=capture,
         )
 
     def _compile(self) -> mujoco.MjModel:
@@ -218,7 +234,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         return self._observe()
 
     def _set(self, mask: torch.Tensor, position: torch.Tensor, velocity: torch.Tensor | None = None) -> None:
-        """Write states of the worlds of the mask. Without velocities, worlds are at rest."""
+        """Write states of the worlds of the mask, at time 0. Without velocities, worlds are at rest."""
         here = mask[:, None]
         torch.where(here, position, self._position, out=self._position)
         if velocity is None:
@@ -226,6 +242,7 @@ class MujocoTask(VectorEnv):  # type: ignore[misc]
         else:
             torch.where(here, velocity, self._velocity, out=self._velocity)
         self._warmstart.masked_fill_(here, 0.0)
+        self._time.masked_fill_(mask, 0.0)
 
     def simulate(self) -> None:
         """Step the simulation, and compute the poses of what it has come to."""

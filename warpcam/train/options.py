@@ -39,6 +39,12 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--profile", action="store_true", help="measure where the time of training goes, and write profile.json alone"
     )
+    add_learning(parser)
+    parser.add_argument("--out", type=Path, default=Path("warpcam-train"), metavar="DIR", help="default: %(default)s")
+
+
+def add_learning(parser: argparse.ArgumentParser) -> None:
+    """Add options of how images are stored and learned from."""
     parser.add_argument(
         "--colors",
         choices=COLORS,
@@ -63,4 +69,3 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--epochs", type=int, metavar="N", help="of learning from a stretch (default: the task's own)")
     parser.add_argument("--mini-batches", type=int, metavar="N", help="of each epoch (default: the task's own)")
-    parser.add_argument("--out", type=Path, default=Path("warpcam-train"), metavar="DIR", help="default: %(default)s")

@@ -24,7 +24,8 @@ UPPER, LOWER = LINKS[1][2] + LINKS[2][2], LINKS[3][2] + LINKS[4][2]  # from shou
 WRIST = LINKS[5][2] + LINKS[6][2] + TOOL  # from wrist to tool [m]
 OPTIONS = (
     '<option timestep="0.01" integrator="implicitfast" cone="elliptic" impratio="10" iterations="50" '
-    'ls_iterations="50"/>'
+    'ls_iterations="50">'
+    '<flag nativeccd="disable"/></option>'  # boxes by a test of their own
 )
 FINGER = """
 <body name="finger{side}" pos="0 0 0.035" gravcomp="1">

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
-from warpcam.envs import PixelObservation
+from warpcam.envs import PixelObservation, copied
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.rig import Rig
 from warpcam.train.captured import CapturedWork, can_capture
@@ -45,7 +46,7 @@ class Step:
 class PixelEnv:
     """A vector env and a renderer as batched observations for training: tensors on the device, images CHW.
 
-    Episodes begin anew in the step that ends them; ``final`` has the last observations.
+    Episodes begin anew in the step that ends them.
 
     Args:
         env: Resets the worlds of ``options["reset_mask"]`` when it is told to (``AutoresetMode.DISABLED``). Its worlds
@@ -56,6 +57,8 @@ class PixelEnv:
             leaves them out.
         forward: Have the simulator compute poses before each frame: see ``Renderer.render``. MuJoCo-Warp's ``step``
             leaves them one step behind.
+        keep_final: Whether ``final`` has the last observations of episodes. False draws one frame in a step, after the
+            resets, in place of one before and one after them.
         capture: Record all device work of a step as a CUDA graph: simulation, images, rewards, resets and what becomes
             of images. The env's ``step`` and ``reset`` must then neither wait for the device nor draw from torch's
             generators, and keep their state in memory that stays where it is. The first two steps run by themselves.
@@ -63,6 +66,7 @@ class PixelEnv:
 
     Attributes:
         captures: Whether steps are recorded.
+        keeps_final: Whether ``final`` has the last observations of episodes.
     """
 
     def __init__(
@@ -73,6 +77,7 @@ class PixelEnv:
         transforms: Mapping[str, ImageTransform] | None = None,
         state: str | None = None,
         forward: bool = False,
+        keep_final: bool = True,
         capture: bool = False,
     ):
         if isinstance(env, VectorEnv) and env.metadata.get("autoreset_mode") is not AutoresetMode.DISABLED:
@@ -81,9 +86,9 @@ class PixelEnv:
                 "needed: it resets the worlds of options['reset_mask'] when it is told to"
             )
         eyes = renderer.renderer if isinstance(renderer, Rig) else renderer
-        self.renderer = renderer
+        self.renderer, self.keeps_final = renderer, keep_final
         self._env = PixelObservation(
-            env,
+            env if keep_final else _ResetInStep(env),
             renderer,
             layout="CHW",
             state=state,
@@ -91,6 +96,7 @@ class PixelEnv:
             copy=False,
             autoreset_mode=AutoresetMode.SAME_STEP,
             forward=forward,
+            final_images=keep_final,
         )
         spaces = [("action", env.single_action_space)]
         if state is not None:
@@ -122,7 +128,9 @@ class PixelEnv:
                 self._frames[key] = self._transforms.get(key, ImageTransform()).prepare(value)
             else:
                 self._frames[key] = Frames(value, dtype=torch.float32)
-            self._final[key] = torch.empty_like(self._frames[key].restart(value))
+            restarted = self._frames[key].restart(value)
+            if keep_final:
+                self._final[key] = torch.empty_like(restarted)
 
     @property
     def unwrapped(self) -> VectorEnv:
@@ -138,7 +146,7 @@ class PixelEnv:
     def final(self) -> Observations:
         """Last observations of the episodes that ended in the last step, in those worlds' rows.
 
-        Memory that later steps overwrite. Rows of other worlds have no meaning.
+        Memory that later steps overwrite. Rows of other worlds have no meaning. Empty without ``keep_final``.
         """
         return self._final
 
@@ -167,10 +175,11 @@ class PixelEnv:
 
     def _step(self, actions: torch.Tensor) -> Step:
         observed, rewards, terminated, truncated, infos = self._env.step(actions)
-        last = infos.get("final_obs")
+        last = infos.get("final_obs") if self.keeps_final else None
+        begun = None if self.keeps_final else terminated | truncated
         for key, frames in self._frames.items():
             if last is None:
-                frames.push(observed[key])
+                frames.push(observed[key], begun)
             else:
                 self._final[key].copy_(frames.push(last[key]))
                 frames.restart(observed[key], infos["_final_obs"])
@@ -178,3 +187,22 @@ class PixelEnv:
 
     def close(self) -> None:
         self._env.close()
+
+
+class _ResetInStep(VectorWrapper):  # type: ignore[misc]
+    """Begins new episodes in the step that ends them: observations are those of the new ones."""
+
+    def __init__(self, env: VectorEnv):
+        super().__init__(env)
+        self.metadata = {**env.metadata, "autoreset_mode": AutoresetMode.SAME_STEP}
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        observations, *told = self.env.step(actions)
+        # What the env tells may be memory of its own, which the reset writes.
+        rewards, terminated, truncated, infos = map(copied, told)
+        ended = terminated | truncated
+        on_host = isinstance(ended, np.ndarray) or not ended.is_cuda
+        if on_host and not ended.any():
+            return observations, rewards, terminated, truncated, infos
+        observations, begun = self.env.reset(options={"reset_mask": copied(ended)})
+        return observations, rewards, terminated, truncated, {**begun, **infos}

@@ -122,8 +122,9 @@ class Training:
         env: What is learned in.
         config: See ``settings``.
         folder: Of TensorBoard logs and checkpoints ``model_*.pt``; None writes nothing.
-        told: Called after each iteration with its number and the mean return of the last 100 episodes, None before the
-            first episode has ended.
+        told: Called after each iteration with its number, the mean return of the last 100 episodes, None before the
+            first episode has ended, and the share of worlds in which the task was done, None where the env does not
+            tell it in ``infos["log"]["success"]``.
     """
 
     def __init__(
@@ -131,7 +132,7 @@ class Training:
         env: RslRlVecEnv,
         config: dict[str, Any],
         folder: Path | None = None,
-        told: Callable[[int, float | None], None] | None = None,
+        told: Callable[[int, float | None, float | None], None] | None = None,
     ):
         torch.manual_seed(Rank.here().seed(config["seed"]))
         self._env, self._log = env, None if folder is None else folder / "rsl_rl.log"
@@ -144,9 +145,10 @@ class Training:
 
         def followed(**values: Any) -> None:
             episodes.tell()
+            success = episodes.success() if told is not None else None
             log(**values)
             if told is not None:
-                told(values["it"], statistics.mean(logger.rewbuffer) if logger.rewbuffer else None)
+                told(values["it"], statistics.mean(logger.rewbuffer) if logger.rewbuffer else None, success)
 
         logger.log, logger.process_env_step = followed, episodes.add
 
@@ -206,6 +208,11 @@ class _Episodes:
         self._ended.append(torch.where(ended, sums, math.nan))
         logger.cur_reward_sum.masked_fill_(ended, 0.0)
         logger.cur_episode_length.masked_fill_(ended, 0.0)
+
+    def success(self) -> float | None:
+        """Return the share of worlds and steps of this iteration in which the task was done."""
+        shares = [told["success"] for told in self._logger.ep_extras if "success" in told]
+        return torch.stack(shares).mean().item() if shares else None
 
     def tell(self) -> None:
         """Give the logger the returns and the lengths of the episodes that have ended."""

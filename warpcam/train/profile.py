@@ -62,7 +62,7 @@ def show(told: dict[str, Any], screen: Console) -> None:
 def _run(
     task: MujocoTask, size: tuple[int, int], config: dict[str, Any], iterations: int, captured: bool, colors: str
 ) -> dict[str, Any]:
-    pixels = task.pixels(*size, capture=captured, colors=colors)
+    pixels = task.pixels(*size, capture=captured, colors=colors, keep_final=False)
     training = ppo.Training(RslRlVecEnv(pixels), copy.deepcopy(config))
     training.learn(WARM)
     sections, algorithm = Sections(pixels.device), training.runner.alg

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
         task.groups if from_pixels else [STATE],
         images=from_pixels,
         seed=options.seed,
-        **{**kind.ppo, **_chosen(options, on_gpu=task.scene.device.is_cuda)},
+        **{**kind.ppo, **chosen(options, on_gpu=task.scene.device.is_cuda)},
     )
     told_of: dict[str, Any] = {
         "task": options.task,
@@ -66,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
     if options.profile:
         return _profile(task, (width, height), config, options, told_of)
     iterations = options.iterations or kind.iterations
-    pixels = task.pixels(width, height, capture=options.graphs, colors=options.colors)
+    # rsl_rl asks for no last observations.
+    pixels = task.pixels(width, height, capture=options.graphs, colors=options.colors, keep_final=False)
     steps = rank.count * options.worlds * config["num_steps_per_env"]
     longest = task.max_episode_length
     if rank.writes:
@@ -93,7 +94,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _chosen(options: argparse.Namespace, on_gpu: bool) -> dict[str, Any]:
+def chosen(options: argparse.Namespace, on_gpu: bool) -> dict[str, Any]:
     """Settings of ``ppo.settings`` that the command line chooses, or the device."""
     chosen = {
         "precision": options.precision or ("bfloat16" if on_gpu else "float32"),
@@ -119,9 +120,10 @@ def _learn(
     with Progress(*columns, TimeElapsedColumn(), TimeRemainingColumn(), console=screen) as progress:
         bar = progress.add_task("learning", total=iterations)
 
-        def told(iteration: int, mean: float | None) -> None:
+        def told(iteration: int, mean: float | None, success: float | None) -> None:
             seconds = time.perf_counter() - begun
-            curve.append({"steps": (iteration + 1) * steps, "seconds": round(seconds, 2), "mean_return": mean})
+            point = {"steps": (iteration + 1) * steps, "seconds": round(seconds, 2), "mean_return": mean}
+            curve.append(point if success is None else {**point, "success": success})
             shown = "learning" if mean is None else f"mean return {mean:.1f}"
             progress.update(bar, advance=1, description=shown)
 
@@ -181,12 +183,18 @@ def _checked(options: argparse.Namespace) -> tuple[int, int]:
         raise WarpcamError("--profile: several processes came, it measures one alone")
     if options.seed < 0:
         raise WarpcamError(f"--seed: {options.seed} came, 0 or more is needed")
-    match = re.fullmatch(r"([1-9]\d{1,3})x([1-9]\d{1,3})", options.size)
-    if match is None or min(int(match[1]), int(match[2])) < 16:
-        raise WarpcamError(f"--size: {options.size!r} came, width x height of at least 16x16 pixels is needed")
+    size = size_of(options.size)
     path: Path = options.out
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise WarpcamError(f"--out: {str(path)!r} cannot be made: {error.strerror}") from None
+    return size
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """Width and height of an image [pixels], from "64x64"."""
+    match = re.fullmatch(r"([1-9]\d{1,3})x([1-9]\d{1,3})", text)
+    if match is None or min(int(match[1]), int(match[2])) < 16:
+        raise WarpcamError(f"--size: {text!r} came, width x height of at least 16x16 pixels is needed")
     return int(match[1]), int(match[2])

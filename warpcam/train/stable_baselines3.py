@@ -33,6 +33,10 @@ class StableBaselines3VecEnv(VecEnv):  # type: ignore[misc]
     def __init__(self, env: PixelEnv, groups: Sequence[str] | None = None):
         if not isinstance(env, PixelEnv):
             raise WarpcamError(f"StableBaselines3VecEnv: env must be a PixelEnv, got {type(env).__name__}")
+        if not env.keeps_final:
+            raise WarpcamError(
+                "StableBaselines3VecEnv: env must be a PixelEnv with keep_final=True, it came with False"
+            )
         self.env, self._groups = env, list(env.observations if groups is None else groups)
         for group in self._groups:
             if group not in env.observations:

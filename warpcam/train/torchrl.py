@@ -34,6 +34,8 @@ class TorchRLEnv(EnvBase):  # type: ignore[misc]
     def __init__(self, env: PixelEnv):
         if not isinstance(env, PixelEnv):
             raise WarpcamError(f"TorchRLEnv: env must be a PixelEnv, got {type(env).__name__}")
+        if not env.keeps_final:
+            raise WarpcamError("TorchRLEnv: env must be a PixelEnv with keep_final=True, it came with False")
         super().__init__(device=env.device, batch_size=[env.num_envs])
         self._env = env
         self._next_seed: int | None = None
