@@ -142,32 +142,40 @@ WARPCAM_DEVICE bool is_stray(float disparity, float mean, float growth, int acro
     return disparity >= 0.0f && !(abs(disparity - mean) < growth * float(across * across + down * down));
 }
 
-// Number of strays at most so far across and down from a pixel, but for itself.
-template <int REACH> WARPCAM_DEVICE int count_near_strays(const float (*middle)[MATCH_PITCH], float mean, float growth)
+// Number of strays in a ring: of the pixels RING across or down from the middle of a window, and not more the other way.
+template <int RING> WARPCAM_DEVICE int ring_strays(const float (*middle)[MATCH_PITCH], float mean, float growth)
 {
     int count = 0;
 #pragma unroll
-    for (int down = -REACH; down <= REACH; ++down)
-#pragma unroll
-        for (int across = -REACH; across <= REACH; ++across)
-            if (down != 0 || across != 0)
-                count += is_stray(middle[down][across], mean, growth, across, down);
+    for (int k = -RING; k < RING; ++k) {
+        count += is_stray(middle[-RING][k], mean, growth, RING, k);
+        count += is_stray(middle[RING][-k], mean, growth, RING, k);
+        count += is_stray(middle[-k][-RING], mean, growth, RING, k);
+        count += is_stray(middle[k][RING], mean, growth, RING, k);
+    }
     return count;
 }
 
+// Number of strays in rings up to the reach. Those of a default window are written out.
 WARPCAM_DEVICE int count_strays(const float (*middle)[MATCH_PITCH], int reach, float mean, float growth)
 {
-    if (reach == 0)
-        return 0;
-    if (reach == 1)
-        return count_near_strays<1>(middle, mean, growth);
-    if (reach == 2)
-        return count_near_strays<2>(middle, mean, growth);
     int count = 0;
-    for (int down = -reach; down <= reach; ++down)
-        for (int across = -reach; across <= reach; ++across)
-            if (down != 0 || across != 0)
-                count += is_stray(middle[down][across], mean, growth, across, down);
+    if (reach >= 1)
+        count += ring_strays<1>(middle, mean, growth);
+    if (reach >= 2)
+        count += ring_strays<2>(middle, mean, growth);
+    if (reach >= 3)
+        count += ring_strays<3>(middle, mean, growth);
+    if (reach >= 4)
+        count += ring_strays<4>(middle, mean, growth);
+    for (int ring = 5; ring <= reach; ++ring) {
+        for (int k = -ring; k < ring; ++k) {
+            count += is_stray(middle[-ring][k], mean, growth, ring, k);
+            count += is_stray(middle[ring][-k], mean, growth, ring, k);
+            count += is_stray(middle[-k][-ring], mean, growth, ring, k);
+            count += is_stray(middle[k][ring], mean, growth, ring, k);
+        }
+    }
     return count;
 }
 

@@ -92,9 +92,10 @@ def electrons_of(means: wp.vec3, normals: wp.vec3, state: wp.uint32) -> wp.vec3:
             if means[k] >= APPROXIMATE_FROM:
                 chances[k] = -1.0  # ends the count at once
         counts = few_electrons(means, chances)
-    for k in range(3):
-        if means[k] >= APPROXIMATE_FROM:
-            counts[k] = many_electrons(means[k], normals[k])
+    if wp.max(means) >= APPROXIMATE_FROM:
+        for k in range(3):
+            many = many_electrons(wp.max(means[k], APPROXIMATE_FROM), normals[k])
+            counts[k] = wp.where(means[k] >= APPROXIMATE_FROM, many, counts[k])
     return counts
 
 
