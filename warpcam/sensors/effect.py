@@ -13,6 +13,7 @@ from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.kernels.color_images import color_source, color_target
@@ -196,17 +197,22 @@ def world_numbers(value: Any, where: str, limits: Mapping[str, Any], num_worlds:
         device: Of the scene.
 
     Raises:
-        WarpcamError: They are of another shape, not finite, or outside of what is allowed.
+        WarpcamError: They are of another shape, not finite, or outside of what is allowed; or a tensor that would be
+            used where it lies is on another device or not contiguous.
     """
     numbers = per_world(value, where, num_worlds, limits["width"])
     outside = numbers[(numbers < limits["low"]) | (numbers > limits["high"])]
     if outside.size:
         raise WarpcamError(f"{where} must be from {limits['low']:g} to {limits['high']:g}, got {outside[0]:g}")
     given = torch_interop.as_array(value)
-    if given is not None and given.dtype is wp.float32 and given.shape == numbers.shape and given.is_contiguous:
-        device_rule.require_same(device, "the scene is", given.device, where)
-        return given
-    return wp.array(numbers, dtype=wp.float32, device=device)
+    if given is None or given.dtype is not wp.float32 or given.shape != numbers.shape:
+        return wp.array(numbers, dtype=wp.float32, device=device)
+    device_rule.require_same(device, "the scene is", given.device, where)
+    strides = np.empty(given.shape, np.float32).strides
+    if any(a != b for a, b, size in zip(given.strides, strides, given.shape, strict=True) if size > 1):
+        # A copy would not have what is written later.
+        raise WarpcamError(f"{where} must be contiguous, got strides of {given.strides} bytes; give a copy of it")
+    return given if given.is_contiguous else shared(given, given.shape, wp.float32)
 
 
 def names_of(effects: Sequence[Effect]) -> list[str]:
