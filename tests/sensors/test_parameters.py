@@ -46,7 +46,7 @@ def test_a_tensor_that_would_have_to_be_copied_is_refused(use: Any, device: wp.D
 def test_rows_that_would_have_to_be_copied_are_refused(device: wp.Device) -> None:
     gains = torch.ones(3, WORLDS, device=wp.device_to_torch(device)).T
     renderer = wc.Renderer(scene_of(device, WORLDS), [camera()])
-    with pytest.raises(wc.WarpcamError, match=r"WhiteBalance: gains must be contiguous, got strides of \(4, 12\) bytes"):
+    with pytest.raises(wc.WarpcamError, match=r"gains must be contiguous, got strides of \(4, 12\) bytes"):
         sensors.Rig(renderer, {"top": [sensors.WhiteBalance(gains)]})
 
 
