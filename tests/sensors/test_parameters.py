@@ -57,3 +57,33 @@ def test_a_column_of_one_world_is_used_where_it_lies(device: wp.Device) -> None:
     depth, truth = (each["top"]["depth"].cpu().numpy() for each in (rig.read(), rig.renderer.images))
     np.testing.assert_allclose(depth, truth + 0.25, rtol=1e-6)
     assert rig.parameters("top").depth_bias_offset.data_ptr() == numbers.data_ptr()
+
+
+@pytest.mark.parametrize(
+    ("effect", "text"),
+    [
+        (sensors.DepthRange(min=2.0, max=1.0), "DepthRange: min must be at most max, got 2 and 1"),
+        (
+            sensors.DepthRange(min=[0.1, 3.0, 0.1], max=torch.tensor([2.0, 2.0, 2.0])),
+            "DepthRange: min must be at most max, got 3 and 2",
+        ),
+        (
+            sensors.DepthRange(min=[0.1, 3.0], max=[1.0, 1.0, 1.0]),
+            r"DepthRange: min must have shape a number or \(3,\)",
+        ),
+        (sensors.DeadPixels(dead=0.7, hot=0.7), "DeadPixels: dead and hot must be at most 1 together, got 1.4"),
+        (
+            sensors.DeadPixels(dead=[0.0, 0.5, 0.9], hot=0.2),
+            "DeadPixels: dead and hot must be at most 1 together, got 1.1",
+        ),
+    ],
+)
+def test_parameters_that_do_not_go_together(effect: sensors.Effect, text: str) -> None:
+    renderer = wc.Renderer(scene_of("cpu", WORLDS), [camera(outputs=("depth", "rgb"))])
+    with pytest.raises(wc.WarpcamError, match=text):
+        sensors.Rig(renderer, {"top": [effect]})
+
+
+def test_limits_that_go_together(device: wp.Device) -> None:
+    renderer = wc.Renderer(scene_of(device, WORLDS), [camera(outputs=("depth", "rgb"))])
+    sensors.Rig(renderer, {"top": [sensors.DepthRange(min=1.0, max=1.0), sensors.DeadPixels(dead=0.3, hot=0.7)]})

@@ -11,7 +11,7 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
-from warpcam.core.arrays import per_world
+from warpcam.core.arrays import as_numbers, per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.indices import strips_of
@@ -172,6 +172,18 @@ class EffectFrame:
 def parameters_of(effect: object) -> Iterator[dataclasses.Field[Any]]:
     """Fields of an effect, or of another dataclass, that have a value for each world."""
     return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
+
+
+def side_by_side(effect: object, where: str, *names: str) -> list[np.ndarray]:
+    """Numbers of some parameters in one shape, to be compared as they are when an effect is bound.
+
+    Empty arrays where shapes do not go together, which ``parameter_array`` tells.
+    """
+    numbers = [as_numbers(getattr(effect, name), f"{where}: {name}") for name in names]
+    try:
+        return list(np.broadcast_arrays(*numbers))
+    except ValueError:
+        return [np.zeros(0)] * len(names)
 
 
 def parameter_array(
