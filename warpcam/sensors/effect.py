@@ -92,6 +92,8 @@ class EffectFrame:
         views: (world,) ``View``: pose and lens as the trace had them.
         times: (world,) float32: the simulation's time [s]; NaN where it keeps none.
         elapsed: (world,) float32: time since the frame of the world before [s]; NaN where it is not known.
+        renders: (world,) int32: how many frames the renderer has drawn of the world, this one among them, whoever asked
+            for them.
         mask: (world,) uint8; worlds with 0 are left alone.
         params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
         randomness: Random numbers of this effect.
@@ -112,6 +114,7 @@ class EffectFrame:
     views: wp.array
     times: wp.array
     elapsed: wp.array
+    renders: wp.array
     mask: wp.array
     params: SimpleNamespace
     randomness: Randomness

@@ -84,6 +84,7 @@ class Measurement:
         self._sources: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in names}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
+        self._renders: Any = torch_interop.as_array(renderer.frames)
         self._device = some.device
         self._check()
         self.timed = next((type(effect).__name__ for effect in self._effects if effect.timed), "")
@@ -266,6 +267,7 @@ class Measurement:
             views=self._renderer.views(self._camera)[within],
             times=self._clock.times[within],
             elapsed=self._clock.elapsed[within],
+            renders=self._renders[within],
             mask=mask,
             params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
             randomness=self._randomness(self._first_stream + number, worlds),
