@@ -15,6 +15,7 @@ from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.render.drawn_cameras import drawn_cameras
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import curves
@@ -201,7 +202,16 @@ class Measurement:
 
     def _depth_steps(self) -> list[Step]:
         depth = [number for number, effect in enumerate(self._effects) if effect.kind == "depth"]
-        return [self._step(number, "depth") for number in depth]
+        steps = [self._step(number, "depth") for number in depth]
+        if steps and self._has_finite_misses():
+            hide, show = (self._bind_misses(kernel) for kernel in (kernels.hide_misses, kernels.show_misses))
+            steps = [Step("depth", True, hide), *steps, Step("depth", True, show)]
+        return steps
+
+    def _has_finite_misses(self) -> bool:
+        """True if rendered depth is a number where nothing is hit; a stereo camera's has 0 where nothing matches."""
+        clipping = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping
+        return clipping != "none" and self._sources["depth"] is self._truth["depth"]
 
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
@@ -278,6 +288,13 @@ class Measurement:
             worlds=worlds,
             pinhole=self._is_pinhole(),
         )
+
+    def _bind_misses(self, kernel: wp.Kernel) -> BindStep:
+        def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
+            views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
+            return [self._per_strip(kernel, worlds, [mask, self._size, views, source, target])]
+
+        return bind
 
     def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
