@@ -88,7 +88,8 @@ class EffectFrame:
         source: The image before: (world, pixel) float32 or vec3, pixels row by row from the top; perhaps
             (world, pixel, channel) uint8 of an effect that reads bytes.
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
-        truth: Outputs by name as they were rendered, (world, height, width, channels), also those of a stereo camera.
+        truth: Outputs by name as they were rendered, (world, height, width, channels), also those of a stereo camera;
+            but "depth" is infinite where nothing is hit, whatever the camera's ``depth_clipping``.
         views: (world,) ``View``: pose and lens as the trace had them.
         times: (world,) float32: the simulation's time [s]; NaN where it keeps none.
         elapsed: (world,) float32: time since the frame of the world before [s]; NaN where it is not known.

@@ -98,6 +98,11 @@ class Measurement:
             for effect in self._effects
         ]
         self.parameters = self._parameters()
+        self._unclipped = self._make_unclipped()
+        # What chains begin with: a stereo camera's depth is as it was measured, 0 where nothing matches.
+        self._starts = dict(self._sources)
+        if self._unclipped is not None and self._sources["depth"] is self._truth["depth"]:
+            self._starts["depth"] = self._unclipped
         self._memories: dict[tuple[int, range], dict[str, wp.array]] = {}
         self._chains = [chain for chain in (self._depth_steps(), self._color_steps()) if chain]
         self._buffers = [self._make_buffers(chain) for chain in self._chains]
@@ -114,8 +119,13 @@ class Measurement:
         within = slice(worlds.start, worlds.stop)
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
+        if self._unclipped is not None:
+            views, images = self._renderer.views(self._camera)[within], (truth["depth"], self._unclipped[within])
+            inputs = [mask, self._size, views, *map(_as_rows, images)]
+            stages.append(self._per_strip(kernels.hide_misses, worlds, inputs))
+            truth["depth"] = images[1]
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
-            source = _as_rows(self._sources[steps[0].source][within])
+            source = _as_rows(self._starts[steps[0].source][within])
             targets = [buffers[place][within] for place in _places(self._buffered(steps))]
             if self._stored and steps is self._chains[-1]:
                 targets.append(_as_rows(self._measured[self._stored][within]))
@@ -203,15 +213,15 @@ class Measurement:
     def _depth_steps(self) -> list[Step]:
         depth = [number for number, effect in enumerate(self._effects) if effect.kind == "depth"]
         steps = [self._step(number, "depth") for number in depth]
-        if steps and self._has_finite_misses():
-            hide, show = (self._bind_misses(kernel) for kernel in (kernels.hide_misses, kernels.show_misses))
-            steps = [Step("depth", True, hide), *steps, Step("depth", True, show)]
+        if steps and self._starts["depth"] is self._unclipped:
+            steps.append(Step("depth", True, self._show_misses))
         return steps
 
-    def _has_finite_misses(self) -> bool:
-        """True if rendered depth is a number where nothing is hit; a stereo camera's has 0 where nothing matches."""
-        clipping = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping
-        return clipping != "none" and self._sources["depth"] is self._truth["depth"]
+    def _make_unclipped(self) -> wp.array | None:
+        """The true depth for effects, where the camera's own is a number where nothing is hit, and one asks for it."""
+        asks = any(effect.kind == "depth" or "depth" in effect.reads for effect in self._effects)
+        clips = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping != "none"
+        return wp.zeros_like(self._truth["depth"]) if asks and clips else None
 
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
@@ -289,12 +299,11 @@ class Measurement:
             pinhole=self._is_pinhole(),
         )
 
-    def _bind_misses(self, kernel: wp.Kernel) -> BindStep:
-        def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
-            views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
-            return [self._per_strip(kernel, worlds, [mask, self._size, views, source, target])]
-
-        return bind
+    def _show_misses(
+        self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
+    ) -> Sequence[Stage]:
+        views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
+        return [self._per_strip(kernels.show_misses, worlds, [mask, self._size, views, source, target])]
 
     def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:

@@ -100,7 +100,7 @@ def find_turns(motion: Motion, views: wp.array(dtype=View), before: wp.array(dty
         0.0, 0.0, -1.0,
     )  # fmt: skip
     motion.turns[world] = back * turn * along
-    motion.miss[world] = now.miss
+    motion.miss[world] = wp.inf
 
 
 @wp.func
