@@ -120,10 +120,14 @@ class Measurement:
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
         if self._unclipped is not None:
-            views, images = self._renderer.views(self._camera)[within], (truth["depth"], self._unclipped[within])
-            inputs = [mask, self._size, views, *map(_as_rows, images)]
-            stages.append(self._per_strip(kernels.hide_misses, worlds, inputs))
-            truth["depth"] = images[1]
+            views, drawn, unclipped = (
+                self._renderer.views(self._camera)[within],
+                truth["depth"],
+                self._unclipped[within],
+            )
+            rows = [mask, self._size, views, _as_rows(drawn), _as_rows(unclipped)]
+            stages.append(self._per_strip(kernels.hide_misses, worlds, rows))
+            truth["depth"] = unclipped
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
             source = _as_rows(self._starts[steps[0].source][within])
             targets = [buffers[place][within] for place in _places(self._buffered(steps))]
