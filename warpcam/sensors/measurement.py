@@ -15,6 +15,7 @@ from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.render.drawn_cameras import drawn_cameras
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import curves
@@ -87,6 +88,7 @@ class Measurement:
         self._sources: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in names}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
+        self._renders: Any = torch_interop.as_array(renderer.frames)
         self._device = some.device
         self._check()
         self.timed = next((type(effect).__name__ for effect in self._effects if effect.timed), "")
@@ -99,6 +101,11 @@ class Measurement:
             for effect in self._effects
         ]
         self.parameters = self._parameters()
+        self._unclipped = self._make_unclipped()
+        # What chains begin with: a stereo camera's depth is as it was measured, 0 where nothing matches.
+        self._starts = dict(self._sources)
+        if self._unclipped is not None and self._sources["depth"] is self._truth["depth"]:
+            self._starts["depth"] = self._unclipped
         self._memories: dict[tuple[int, range], dict[str, wp.array]] = {}
         self._chains = [chain for chain in (self._depth_steps(), self._color_steps()) if chain]
         self._buffers = [self._make_buffers(chain) for chain in self._chains]
@@ -115,8 +122,17 @@ class Measurement:
         within = slice(worlds.start, worlds.stop)
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
+        if self._unclipped is not None:
+            views, drawn, unclipped = (
+                self._renderer.views(self._camera)[within],
+                truth["depth"],
+                self._unclipped[within],
+            )
+            rows = [mask, self._size, views, _as_rows(drawn), _as_rows(unclipped)]
+            stages.append(self._per_strip(kernels.hide_misses, worlds, rows))
+            truth["depth"] = unclipped
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
-            source = _as_rows(self._sources[steps[0].source][within])
+            source = _as_rows(self._starts[steps[0].source][within])
             targets = [buffers[place][within] for place in _places(steps, self._buffered(steps))]
             if self._stored and steps is self._chains[-1]:
                 targets.append(_as_rows(self._measured[self._stored][within]))
@@ -203,7 +219,16 @@ class Measurement:
 
     def _depth_steps(self) -> list[Step]:
         depth = [number for number, effect in enumerate(self._effects) if effect.kind == "depth"]
-        return [self._step(number, "depth") for number in depth]
+        steps = [self._step(number, "depth") for number in depth]
+        if steps and self._starts["depth"] is self._unclipped:
+            steps.append(Step("depth", True, self._show_misses))
+        return steps
+
+    def _make_unclipped(self) -> wp.array | None:
+        """The true depth for effects, where the camera's own is a number where nothing is hit, and one asks for it."""
+        asks = any(effect.kind == "depth" or "depth" in effect.reads for effect in self._effects)
+        clips = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping != "none"
+        return wp.zeros_like(self._truth["depth"]) if asks and clips else None
 
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
@@ -269,6 +294,7 @@ class Measurement:
             views=self._renderer.views(self._camera)[within],
             times=self._clock.times[within],
             elapsed=self._clock.elapsed[within],
+            renders=self._renders[within],
             mask=mask,
             params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
             randomness=self._randomness(self._first_stream + number, worlds),
@@ -279,6 +305,12 @@ class Measurement:
             worlds=worlds,
             pinhole=self._is_pinhole(),
         )
+
+    def _show_misses(
+        self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
+    ) -> Sequence[Stage]:
+        views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
+        return [self._per_strip(kernels.show_misses, worlds, [mask, self._size, views, source, target])]
 
     def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:

@@ -26,10 +26,13 @@ class ShiftedLookup(Effect):
         sigma: Standard deviation of both coordinates [pixels of the sensor]; a number or (world,).
         focal_length: Focal length of the sensor [pixels], for images that have fewer pixels than it; 0 is the camera's
             own; a number or (world,).
+        focal_length_y: That of columns, where pixels of the sensor are not square; 0 is ``focal_length``; a number or
+            (world,).
     """
 
     sigma: Any = parameter(0.5, low=0.0)
     focal_length: Any = parameter(0.0, low=0.0)
+    focal_length_y: Any = parameter(0.0, low=0.0)
 
     kind = "depth"
     in_place = False
@@ -38,7 +41,8 @@ class ShiftedLookup(Effect):
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
         inputs = [frame.mask, frame.views, frame.size, frame.randomness, params.sigma, params.focal_length]
-        return [frame.per_strip(shift_bilinear, [*inputs, frame.source, frame.target])]
+        inputs += [params.focal_length_y, frame.source, frame.target]
+        return [frame.per_strip(shift_bilinear, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
