@@ -87,6 +87,21 @@ distortion_coefficients: !!opencv-matrix
    dt: d
    data: [ -1.0e-01, 1.0000000000000001e-05, 0., 2.e-03 ]
 """
+OPENCV_5 = """%YAML 1.2
+---
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 410., 0., 320., 0., 405., 240., 0., 0., 1. ]
+distortion_coefficients: !!opencv-nd-matrix
+   sizes: [ 5 ]
+   dt: d
+   data: [ -0.1, 0.02, 0., 2.0e-03, 0.01 ]
+image_width: 640
+image_height: 480
+board: !!opencv-new-kind [ 1, 2 ]
+"""
 PLACES = np.random.default_rng(4).uniform((-0.5, -0.4, -2.0), (0.5, 0.4, -1.0), (50, 3))
 
 
@@ -102,6 +117,13 @@ def numbers_of(lens: wc.Lens) -> Mapping[str, Any]:
 
 def pixels_of(lens: wc.Lens) -> np.ndarray:
     return lens.project(torch.tensor(PLACES)).numpy()
+
+
+def test_rows_as_opencv_5_writes_them(tmp_path: Path) -> None:
+    found = read(tmp_path, OPENCV_5)
+    assert (found.width, found.height) == (640, 480)
+    expected = wc.Distorted(410.0, 405.0, 320.5, 240.5, (-0.1, 0.02, 0.0, 0.002, 0.01))
+    np.testing.assert_allclose(pixels_of(found.lens), pixels_of(expected))
 
 
 @pytest.mark.parametrize(

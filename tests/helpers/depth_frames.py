@@ -11,7 +11,7 @@ from warpcam import sensors
 from warpcam.kernels.runtime.launch import run
 from warpcam.kernels.types import View
 
-FOCAL = 200.0  # of all images [pixels]
+FOCAL = 200.0  # of all images across, and down unless a test says otherwise [pixels]
 
 
 @dataclass
@@ -26,6 +26,7 @@ class DepthBench:
     normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
     color: tuple[int, int, int] = (128, 128, 128)
     seed: int = 0
+    focal_y: float = FOCAL
     frames: int = 0
     memory: dict[str, wp.array] = field(default_factory=dict)
 
@@ -40,7 +41,7 @@ class DepthBench:
     def _frame(self, shape: tuple[int, ...], source: wp.array, target: wp.array) -> sensors.EffectFrame:
         worlds, height, width = shape
         views = np.zeros(worlds, View.numpy_dtype())
-        views["rotation"], views["scale"] = np.eye(3), 1.0 / FOCAL
+        views["rotation"], views["scale"] = np.eye(3), (1.0 / FOCAL, 1.0 / self.focal_y)
         views["center"] = 0.5 * width, 0.5 * height
         normals = np.broadcast_to(np.float32(self.normal), (*shape, 3))
         colors = np.broadcast_to(np.uint8(self.color), (*shape, 3))

@@ -41,6 +41,7 @@ def effect_frame(
         "views": wp.array([], dtype=View, device=device),
         "times": wp.zeros(worlds, dtype=wp.float32, device=device),
         "elapsed": wp.zeros(worlds, dtype=wp.float32, device=device),
+        "renders": frames,
         "mask": wp.full(worlds, 1, dtype=wp.uint8, device=device),
         "memory": {},
     }

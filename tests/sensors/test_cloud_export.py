@@ -78,6 +78,55 @@ def test_a_cloud_of_open3d() -> None:
     assert sensors.to_open3d(cloud).point.positions.shape[0] == 0
 
 
+def test_colors_in_numbers(tmp_path: Path) -> None:
+    light = torch.tensor([[0.0, 0.25, 1.0], [0.5, 0.2, 0.1], [0.3, 0.0, 0.9], [2.0, -1.0, 0.6]]).expand(2, 4, 3)
+    cloud = cloud_of(rgb=light.clone())
+    sensors.write_ply(tmp_path / "cloud.ply", cloud, world=1)
+    read = trimesh.load(tmp_path / "cloud.ply")
+    bytes_of = [[0, 64, 255], [128, 51, 26], [255, 0, 153]]
+    np.testing.assert_array_equal(read.colors[:, :3], bytes_of)
+
+
+def test_colors_in_numbers_for_open3d() -> None:
+    pytest.importorskip("open3d", reason="needs Open3D: pip install open3d")
+    light = torch.tensor([[0.0, 0.25, 1.0], [0.5, 0.2, 0.1], [0.3, 0.0, 0.9], [0.2, 0.1, 0.6]])
+    found = sensors.to_open3d(cloud_of(rgb=light.expand(2, 4, 3).clone()), world=1)
+    np.testing.assert_allclose(found.point.colors.numpy(), light[[0, 1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("attributes", "text"),
+    [
+        ({"x": torch.zeros(2, 4)}, "cloud has an attribute 'x', but the file has 'x' already"),
+        ({"red": torch.zeros(2, 4)}, "cloud has an attribute 'red', but the file has 'red' already"),
+        (
+            {"v": torch.zeros(2, 4, 2), "v_1": torch.zeros(2, 4)},
+            "cloud has an attribute 'v_1', but the file has 'v_1' already",
+        ),
+        ({"my name": torch.zeros(2, 4)}, "names in a file must be ASCII without spaces, got 'my name'"),
+        ({"": torch.zeros(2, 4)}, "names in a file must be ASCII without spaces, got ''"),
+        ({"ä\n": torch.zeros(2, 4)}, "names in a file must be ASCII without spaces, got 'ä\\n'"),
+        ({"rgb": torch.zeros(2, 4, 2, dtype=torch.uint8)}, "rgb must have 3 or 4 channels, got 2"),
+        ({"rgb": torch.zeros(2, 4, dtype=torch.uint8)}, "rgb must have 3 or 4 channels, got 1"),
+        ({"rgb": torch.zeros(2, 4, 3, dtype=torch.int32)}, "rgb must be uint8 or float32, got int32"),
+        ({"normals": torch.zeros(2, 4)}, "normals must have 3 channels, got 1"),
+        ({"normals": torch.zeros(2, 4, 4)}, "normals must have 3 channels, got 4"),
+    ],
+)
+def test_attributes_that_a_file_cannot_have(attributes: Any, text: str, tmp_path: Path) -> None:
+    for world in (0, 1):
+        with says(f"write_ply: {text}"):
+            sensors.write_ply(tmp_path / "cloud.ply", cloud_of(**attributes), world=world)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["positions", "colors"])
+def test_names_that_open3d_has(name: str) -> None:
+    pytest.importorskip("open3d", reason="needs Open3D: pip install open3d")
+    with says(f"to_open3d: cloud has an attribute {name!r}, a name that Open3D has of its own"):
+        sensors.to_open3d(cloud_of(**{name: torch.zeros(2, 4, 3)}))
+
+
 @pytest.mark.parametrize(
     ("missing", "text"),
     [

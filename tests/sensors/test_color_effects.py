@@ -137,6 +137,26 @@ def test_effects_make_a_camera(outputs: tuple[str, ...], device: wp.Device) -> N
     assert (after[1].float().mean() < 0.7 * before[1].float().mean()) and after[0].float().mean() > 10.0
 
 
+@pytest.mark.parametrize("output", ["rgb", "rgba"])
+@pytest.mark.parametrize(
+    "before", [[], [sensors.Gain(1.5)], [sensors.GammaCurve(1.8)]], ids=["none", "light", "display"]
+)
+def test_coding_begins_with_the_bytes_before_it(before: list[sensors.Effect], output: str, device: wp.Device) -> None:
+    """JPEG of what the effect before it would give as the last is JPEG of numbers, byte for byte."""
+    scene, jpeg = scene_of(device, 2), sensors.JpegArtifacts(60.0)
+
+    def last(effects: list[sensors.Effect]) -> np.ndarray:
+        rig = sensors.Rig(wc.Renderer(scene, [camera(outputs=(output,))]), {"top": effects})
+        return rig.read()["top"][output].cpu().numpy().copy()
+
+    given, found = last([*before, sensors.Quantization(8.0)]), last([*before, jpeg])
+    expected = bench_of(jpeg, given[..., :3] / 255.0, device)()
+    assert (found[..., :3] == np.rint(255.0 * expected)).all()
+    assert (found[..., 3:] == given[..., 3:]).all() and (found != given).any()
+    again = last([*before, jpeg, sensors.Quantization(8.0)])
+    assert (again == found).all()
+
+
 def test_curves_end_linear_light() -> None:
     renderer = wc.Renderer(scene_of("cpu", 1), [camera(outputs=("rgb",))])
     for curve in (sensors.ToneCurve(), sensors.GammaCurve(2.2), sensors.ResponseCurve(), sensors.Ppisp()):

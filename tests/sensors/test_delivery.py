@@ -256,6 +256,7 @@ def frame_of(effect: sensors.Delivery, num_worlds: int, device: wp.Device) -> tu
         views=none,
         times=wp.zeros(num_worlds, dtype=wp.float32, device=device),
         elapsed=none,
+        renders=randomness.frames,
         mask=wp.full(num_worlds, 1, dtype=wp.uint8, device=device),
         params=SimpleNamespace(**arrays),
         randomness=randomness,

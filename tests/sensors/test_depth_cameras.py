@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ PRESETS: dict[str, tuple[Preset, tuple[int, int], tuple[float, float], float, tu
     "kinect_v1": (sensors.kinect_v1, (640, 480), (57.4, 44.6), 30, (0.8, 4.0), 0.0069, 2.0),
     "vl53l5cx": (sensors.vl53l5cx, (8, 8), (45.0, 45.0), 15, (0.2, 4.0), 0.00531, 2.0),
 }
+DOCS = Path(__file__).parents[2] / "docs" / "sensors_depth.md"
 every = pytest.mark.parametrize("name", PRESETS)
 
 
@@ -45,6 +48,20 @@ def test_presets_are_what_their_sources_say(name: str) -> None:
     assert isinstance(model[-1], sensors.DepthRange) and (model[-1].min, model[-1].max) == limits
     assert make.__doc__ and getattr(sensors, name) is make
     assert (make().effects is not model.effects) and len(model) == len(list(model)) == len(model[:])
+
+
+def test_the_docs_have_the_numbers_of_every_preset() -> None:
+    rows = re.findall(
+        r"^\| `(\w+)\((.*)\)` \| (.+) \| (.+) \| (.+) \| (.+) \| (.+) \| .+ \|$", DOCS.read_text(), re.MULTILINE
+    )
+    for name, mode, size, fields, rate, limits, baseline in rows:
+        model = getattr(sensors, name)(*([mode.strip('"')] if mode else []))
+        shadows = [effect for effect in model if isinstance(effect, sensors.StereoShadow)]
+        assert size == f"{model.width}x{model.height}" and float(rate) == model.frame_rate, name
+        assert [float(each) for each in fields.split(" x ")] == [round(model.fovx, 1), round(model.fovy, 1)], name
+        assert [float(each) for each in limits.split(" to ")] == [model.near, model.far], name
+        assert baseline == (f"{shadows[0].baseline:.3f}" if shadows else "-"), name
+    assert {row[0] for row in rows} == set(PRESETS)
 
 
 def test_every_preset_is_here() -> None:

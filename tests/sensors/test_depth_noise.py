@@ -106,6 +106,31 @@ def test_shifted_lookup_is_bilinear(device: wp.Device) -> None:
     assert abs(moved.std() / (0.5 * np.hypot(0.5, 0.25)) - 1.0) < 0.005
 
 
+@pytest.mark.parametrize("lateral", [False, True])
+@pytest.mark.parametrize(
+    ("focals", "across", "down"),
+    [
+        ((), 1.0, 1.0),
+        ((2.0 * FOCAL,), 0.5, 1.5),
+        ((0.5 * FOCAL, 1.5 * FOCAL), 2.0, 2.0),
+        ((0.0, 1.5 * FOCAL), 1.0, 2.0),
+    ],
+)
+def test_lookups_in_images_of_another_aspect(
+    lateral: bool, focals: tuple[float, ...], across: float, down: float, device: wp.Device
+) -> None:
+    """Pixels of an image that is squeezed are as many pixels of the sensor across and down as they are."""
+    names = ("focal_length", "focal_length_y")
+    options = dict(zip(names, focals, strict=False))
+    effect = sensors.LateralNoise(2.0, 0.0, **options) if lateral else sensors.ShiftedLookup(2.0, **options)
+    for axis, expected in ((0, down), (1, across)):
+        ramp = np.broadcast_to(np.mgrid[0:500, 0:500][axis] + 1.0, SHAPE)
+        found = DepthBench(effect, device, focal_y=3.0 * FOCAL).measure(ramp)
+        moved = (found - ramp)[:, 20:-20, 20:-20]
+        variance = (2.0 * expected) ** 2 + (1.0 / 12.0 if lateral else 0.0)
+        assert abs(moved.var() / variance - 1.0) < 0.015
+
+
 @pytest.mark.parametrize("focal", [0.0, 640.0])
 def test_disparity_noise(device: wp.Device, focal: float) -> None:
     effect = sensors.DisparityNoise(baseline=0.05, sigma=0.1, bias=0.25, focal_length=focal)

@@ -285,6 +285,15 @@ def test_worlds_that_never_ran_return_nothing(device: wp.Device) -> None:
         ({"frame": "map"}, "Lidar: frame must be 'sensor' or 'world', got 'map'"),
         ({"sweep": "slow"}, "Lidar: sweep must be 'instant' or 'moving', got 'slow'"),
         ({"sweep": "moving"}, "needs a pattern with a rate"),
+        (
+            {"sweep": "moving", "pattern": sensors.patterns.spinning([0.0], columns=2, row_times=0.06)},
+            r"needs times of the pattern from 0 to 1 / rate, which is 0\.1 s, got 0\.11",
+        ),
+        (
+            {"sweep": "moving", "pattern": sensors.patterns.spinning([0.0], columns=2, row_times=-0.01)},
+            r"needs times of the pattern from 0 to 1 / rate, which is 0\.1 s, got -0\.01",
+        ),
+        ({"far_sides": "no", "outputs": ("ranges",)}, "Lidar: far_sides must be True or False, got 'no'"),
         ({"intensity": 1}, "Lidar: intensity must be 'reflectivity' or 'raw', got 1"),
         ({"miss": None}, "Lidar: miss must be a number, got None"),
         ({"outputs": ("range",)}, r"Lidar: outputs must be some of 'ranges', .*, got \('range',\)"),

@@ -142,6 +142,40 @@ def test_there_is_no_motion_without_a_frame_before(device: wp.Device) -> None:
     assert same == [[True, True], [False, False], [False, True], [True, True]]
 
 
+def turning_rig() -> tuple[MovingScene, sensors.Rig]:
+    """A camera that turns below a skybox, of which flow says nothing."""
+    scene = MovingScene(turn=lambda t: 4.0 * t, sky=True, num_worlds=2)
+    return scene, sensors.Rig(scene.renderer, {"eye": [sensors.RollingShutter(readout=STEP)]})
+
+
+def unchanged(scene: MovingScene, rig: sensors.Rig, time: float, worlds: Any = None) -> list[bool]:
+    """Which worlds' images of a moment are as they were drawn."""
+    scene.set(time)
+    image, truth = rig.read(worlds)["eye"]["rgb"], scene.renderer.images["eye"]["rgb"]
+    return [bool((image[world] == truth[world]).all()) for world in range(2)]
+
+
+def test_a_background_has_no_motion_after_a_reset(device: wp.Device) -> None:
+    scene, rig = turning_rig()
+    assert unchanged(scene, rig, 0.0) == [True, True]
+    assert unchanged(scene, rig, STEP) == [False, False]
+    rig.reset([1])
+    assert unchanged(scene, rig, 2 * STEP) == [False, True]
+    assert unchanged(scene, rig, 3 * STEP) == [False, False]
+
+
+def test_a_frame_that_others_have_drawn_is_no_frame_before(device: wp.Device) -> None:
+    scene, rig = turning_rig()
+    unchanged(scene, rig, 0.0)
+    scene.set(STEP)
+    scene.renderer.render(worlds=[0])
+    assert unchanged(scene, rig, 2 * STEP) == [True, False]
+    other = sensors.Rig(scene.renderer, {"eye": [sensors.MotionBlur(exposure=STEP)]})
+    assert unchanged(scene, other, 3 * STEP, [0]) == [True, False]
+    assert unchanged(scene, rig, 4 * STEP) == [True, False]
+    assert unchanged(scene, rig, 5 * STEP) == [False, False]
+
+
 def test_worlds_have_shutters_of_their_own(device: wp.Device) -> None:
     readout = torch.tensor([0.0, STEP, 0.5 * STEP], device=wp.device_to_torch(device))
     scene = MovingScene(**MOTIONS["camera slides"], num_worlds=3)

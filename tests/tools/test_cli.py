@@ -107,6 +107,17 @@ def test_cameras_of_like_names_have_pictures_of_their_own(tmp_path: Path) -> Non
     assert {file.name for file in out.iterdir()} == {"a_b-rgb.png", "a_b-2-rgb.png", "a.b-rgb.png"}
 
 
+def test_a_sensor_measures_depth(scene: Path, tmp_path: Path) -> None:
+    pictures = {}
+    for name, more in (("truth", ()), ("measured", ("--sensor", "kinect_v1")), ("again", ("--sensor", "kinect_v1"))):
+        out = tmp_path / name
+        assert render(scene, "--worlds", "1", "--size", "32x24", "--out", out, *more) == 0
+        pictures[name] = [(out / f"front-{output}.png").read_bytes() for output in ("rgb", "depth")]
+    assert pictures["measured"] == pictures["again"]
+    assert pictures["measured"][0] == pictures["truth"][0]
+    assert pictures["measured"][1] != pictures["truth"][1]
+
+
 def test_camera_by_index(scene: Path, tmp_path: Path) -> None:
     assert render(scene, "--worlds", "1", "--size", "8x8", "--camera", "0", "--out", tmp_path) == 0
     assert (tmp_path / "0-rgb.png").is_file()
@@ -124,6 +135,11 @@ def test_camera_by_index(scene: Path, tmp_path: Path) -> None:
         (["--camera", "nose"], "--camera: 'nose' came, the cameras of the scene are: 'overview', 'wrist'"),
         (["--camera", "7"], "--camera: '7' came"),
         (["--outputs", "rgb,smell"], "smell"),
+        (["--sensor", "eye"], "argument --sensor: invalid choice: 'eye'"),
+        (
+            ["--sensor", "zed_2", "--outputs", "rgb,distance"],
+            "--sensor: zed_2 measures depth, which --outputs must have, got rgb,distance",
+        ),
         (["--device", "abacus"], "device: 'abacus' came, this process sees cpu"),
         (["--shape", "round"], "unrecognized arguments: --shape"),
     ],

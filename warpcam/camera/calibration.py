@@ -107,9 +107,17 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
                 value.tag = "tag:yaml.org,2002:str"
         return yaml.SafeLoader.construct_mapping(self, node, deep)
 
-    # YAML's plain types; OpenCV's matrices are mappings, and names of cameras texts as they are written.
+    def construct_opencv(self: Any, _: str, node: Any) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return self.construct_mapping(node, deep=True)
+        if isinstance(node, yaml.SequenceNode):
+            return self.construct_sequence(node, deep=True)
+        return self.construct_scalar(node)
+
+    # YAML's plain types; OpenCV's matrices, "opencv-matrix" and "opencv-nd-matrix", which OpenCV 5 has for rows, are
+    # mappings, and names of cameras texts as they are written.
     loader: Any = type("Loader", (yaml.SafeLoader,), {"construct_mapping": construct_mapping})
-    loader.add_constructor("tag:yaml.org,2002:opencv-matrix", loader.construct_yaml_map)
+    loader.add_multi_constructor("tag:yaml.org,2002:opencv-", construct_opencv)
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:

@@ -121,7 +121,7 @@ def azure_kinect(mode: AzureKinectMode = "nfov_unbinned") -> CameraModel:
         raise WarpcamError(f"azure_kinect: mode is {mode!r}; allowed are {allowed}")
     width, height, across, down, rate, near, far = AZURE_KINECT_MODES[mode]
     fx, fy = focal_length(width, across), focal_length(height, down)
-    effects = (ShiftedLookup(0.25, fx), AzureKinectNoise(), EdgeDropout(0.8), DarkDropout(15.0 / 255.0))
+    effects = (ShiftedLookup(0.25, fx, fy), AzureKinectNoise(), EdgeDropout(0.8), DarkDropout(15.0 / 255.0))
     units = (DepthQuantization(MILLIMETER), DepthRange(near, far))
     return CameraModel("Azure Kinect", (*effects, *units), width, height, fx, fy, rate, near, far)
 

@@ -11,8 +11,9 @@ import warp as wp
 
 from warpcam.core import device as device_rule
 from warpcam.core import torch_interop
-from warpcam.core.arrays import per_world
+from warpcam.core.arrays import as_numbers, per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.kernels.color_images import color_source, color_target
@@ -57,6 +58,8 @@ class Effect:
         writes_bytes: An effect on colours that writes ``EffectFrame.color_target``, which has the bytes of the result
             if it is the last. One that reads bytes, too, takes light through the sRGB curve there where display values
             are to follow. Colours of others go through a pass of their own.
+        starts_with_bytes: An effect that reads bytes and makes bytes of numbers first: the one before it writes bytes
+            where it can.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
     """
@@ -68,6 +71,7 @@ class Effect:
     takes_light: ClassVar[bool] = False
     reads_bytes: ClassVar[bool] = False
     writes_bytes: ClassVar[bool] = False
+    starts_with_bytes: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
     timed: ClassVar[bool] = False
 
@@ -87,10 +91,13 @@ class EffectFrame:
         source: The image before: (world, pixel) float32 or vec3, pixels row by row from the top; perhaps
             (world, pixel, channel) uint8 of an effect that reads bytes.
         target: The image after, likewise; ``source`` itself where the effect is in place and not the first.
-        truth: Outputs by name as they were rendered, (world, height, width, channels), also those of a stereo camera.
+        truth: Outputs by name as they were rendered, (world, height, width, channels), also those of a stereo camera;
+            but "depth" is infinite where nothing is hit, whatever the camera's ``depth_clipping``.
         views: (world,) ``View``: pose and lens as the trace had them.
         times: (world,) float32: the simulation's time [s]; NaN where it keeps none.
         elapsed: (world,) float32: time since the frame of the world before [s]; NaN where it is not known.
+        renders: (world,) int32: how many frames the renderer has drawn of the world, this one among them, whoever asked
+            for them.
         mask: (world,) uint8; worlds with 0 are left alone.
         params: The effect's parameters as attributes: (world,) float32, or (world, n) for rows.
         randomness: Random numbers of this effect.
@@ -111,6 +118,7 @@ class EffectFrame:
     views: wp.array
     times: wp.array
     elapsed: wp.array
+    renders: wp.array
     mask: wp.array
     params: SimpleNamespace
     randomness: Randomness
@@ -173,6 +181,18 @@ def parameters_of(effect: object) -> Iterator[dataclasses.Field[Any]]:
     return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
 
 
+def side_by_side(effect: object, where: str, *names: str) -> list[np.ndarray]:
+    """Numbers of some parameters in one shape, to be compared as they are when an effect is bound.
+
+    Empty arrays where shapes do not go together, which ``parameter_array`` tells.
+    """
+    numbers = [as_numbers(getattr(effect, name), f"{where}: {name}") for name in names]
+    try:
+        return list(np.broadcast_arrays(*numbers))
+    except ValueError:
+        return [np.zeros(0)] * len(names)
+
+
 def parameter_array(
     effect: object, entry: dataclasses.Field[Any], where: str, num_worlds: int, device: Any
 ) -> wp.array:
@@ -196,17 +216,22 @@ def world_numbers(value: Any, where: str, limits: Mapping[str, Any], num_worlds:
         device: Of the scene.
 
     Raises:
-        WarpcamError: They are of another shape, not finite, or outside of what is allowed.
+        WarpcamError: They are of another shape, not finite, or outside of what is allowed; or a tensor that would be
+            used where it lies is on another device or not contiguous.
     """
     numbers = per_world(value, where, num_worlds, limits["width"])
     outside = numbers[(numbers < limits["low"]) | (numbers > limits["high"])]
     if outside.size:
         raise WarpcamError(f"{where} must be from {limits['low']:g} to {limits['high']:g}, got {outside[0]:g}")
     given = torch_interop.as_array(value)
-    if given is not None and given.dtype is wp.float32 and given.shape == numbers.shape and given.is_contiguous:
-        device_rule.require_same(device, "the scene is", given.device, where)
-        return given
-    return wp.array(numbers, dtype=wp.float32, device=device)
+    if given is None or given.dtype is not wp.float32 or given.shape != numbers.shape:
+        return wp.array(numbers, dtype=wp.float32, device=device)
+    device_rule.require_same(device, "the scene is", given.device, where)
+    strides = np.empty(given.shape, np.float32).strides
+    if any(a != b for a, b, size in zip(given.strides, strides, given.shape, strict=True) if size > 1):
+        # A copy would not have what is written later.
+        raise WarpcamError(f"{where} must be contiguous, got strides of {given.strides} bytes; give a copy of it")
+    return given if given.is_contiguous else shared(given, given.shape, wp.float32)
 
 
 def names_of(effects: Sequence[Effect]) -> list[str]:

@@ -20,7 +20,7 @@ from warpcam.scene.scene import Scene
 from warpcam.sensors.effect import parameter_array, parameters_of
 from warpcam.sensors.kernels import scan_echoes, scan_measurement, scan_poses, scan_rays
 from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
-from warpcam.sensors.patterns.pattern import Pattern
+from warpcam.sensors.patterns.pattern import Pattern, parts_of
 from warpcam.sensors.scan_lens import ScanLens, parallel_lens, spread_rays
 from warpcam.sensors.scan_renderer import CAMERA, ScanRenderer, ScanSetup, reach_of
 from warpcam.sensors.seeds import seeds_of
@@ -159,8 +159,9 @@ class Lidar:
         self._echoes = _check_echoes(echoes, divergence, echo_gap)
         traced = pattern if divergence is None else spread_rays(pattern, divergence)
         moves = sweep == "moving"
-        if moves and pattern.rate is None:
-            raise WarpcamError('Lidar: sweep="moving" needs a pattern with a rate, which says when each ray is sent')
+        parts = parts_of(traced, 'Lidar: sweep="moving"') if moves else None
+        if not isinstance(far_sides, bool | np.bool_):
+            raise WarpcamError(f"Lidar: far_sides must be True or False, got {far_sides!r}")
         if far_sides:
             _check_far_sides(self._outputs, pattern, divergence, moves)
         origins = np.zeros_like(traced.directions) if moves and traced.origins is None else traced.origins
@@ -201,7 +202,7 @@ class Lidar:
         setup = ScanSetup(
             mount=mount,
             poses=self._poses,
-            rays=self._make_rays(traced, moves, flipped=parallel is not None and parallel[1]),
+            rays=self._make_rays(traced, parts, flipped=parallel is not None and parallel[1]),
             scan=scan,
             params=params,
             seeds=seeds_of(seed, "Lidar", self._num_worlds, self._device),
@@ -329,15 +330,14 @@ class Lidar:
             wp.array(unit, dtype=wp.vec4, device=self._device),
         )
 
-    def _make_rays(self, traced: Pattern, moves: bool, flipped: bool) -> Any:
+    def _make_rays(self, traced: Pattern, parts: np.ndarray | None, flipped: bool) -> Any:
         rays, device = scan_rays.ScanRays(), self._device
         table = traced.directions if traced.table is None else traced.table
         rays.directions = wp.array(table.reshape(-1, 3), dtype=wp.vec3, device=device)
         rays.rows, rays.columns, rays.flipped = traced.rows, traced.columns, int(flipped)
         if traced.origins is not None:
             rays.origins = wp.array(traced.origins.reshape(-1, 3), dtype=wp.vec3, device=device)
-        if moves and traced.rate is not None:
-            parts = np.clip(traced.times * traced.rate, 0.0, 1.0)
+        if parts is not None:
             rays.parts = wp.array(parts.reshape(-1), dtype=wp.float32, device=device)
         if traced.table is not None:
             begin = -traced.rows * traced.columns % len(table)  # the first read goes on to 0

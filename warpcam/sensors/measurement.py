@@ -15,6 +15,7 @@ from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
 from warpcam.kernels.runtime.indices import strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.render.drawn_cameras import drawn_cameras
 from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect, EffectFrame, Kind, names_of, parameter_array, parameters_of
 from warpcam.sensors.kernels import curves
@@ -27,6 +28,7 @@ from warpcam.sensors.timing.delivery import DeliveredImages, Delivery
 
 Images = Mapping[str, wp.array]
 BindStep = Callable[[wp.array, wp.array, Images, range, wp.array], Sequence[Stage]]
+BYTES = 2  # place of an image of bytes on the way
 GRADES = {"linear": 0, "display": 1}  # of effects on colours, in the order in which they may come
 
 
@@ -40,6 +42,7 @@ class Step:
         bind: Gives its stages for source, target, truth, worlds and mask.
         reads_bytes: It may read bytes of colours.
         writes_bytes: It may write bytes of colours.
+        starts_with_bytes: It makes bytes of what it reads.
     """
 
     source: str
@@ -47,6 +50,7 @@ class Step:
     bind: BindStep
     reads_bytes: bool = False
     writes_bytes: bool = False
+    starts_with_bytes: bool = False
 
 
 class Measurement:
@@ -84,6 +88,7 @@ class Measurement:
         self._sources: Mapping[str, wp.array] = {name: renderer.array(camera, name) for name in names}
         some = next(iter(self._truth.values()))
         self._num_worlds, self.height, self.width = some.shape[:3]
+        self._renders: Any = torch_interop.as_array(renderer.frames)
         self._device = some.device
         self._check()
         self.timed = next((type(effect).__name__ for effect in self._effects if effect.timed), "")
@@ -96,6 +101,11 @@ class Measurement:
             for effect in self._effects
         ]
         self.parameters = self._parameters()
+        self._unclipped = self._make_unclipped()
+        # What chains begin with: a stereo camera's depth is as it was measured, 0 where nothing matches.
+        self._starts = dict(self._sources)
+        if self._unclipped is not None and self._sources["depth"] is self._truth["depth"]:
+            self._starts["depth"] = self._unclipped
         self._memories: dict[tuple[int, range], dict[str, wp.array]] = {}
         self._chains = [chain for chain in (self._depth_steps(), self._color_steps()) if chain]
         self._buffers = [self._make_buffers(chain) for chain in self._chains]
@@ -112,9 +122,18 @@ class Measurement:
         within = slice(worlds.start, worlds.stop)
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
+        if self._unclipped is not None:
+            views, drawn, unclipped = (
+                self._renderer.views(self._camera)[within],
+                truth["depth"],
+                self._unclipped[within],
+            )
+            rows = [mask, self._size, views, _as_rows(drawn), _as_rows(unclipped)]
+            stages.append(self._per_strip(kernels.hide_misses, worlds, rows))
+            truth["depth"] = unclipped
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
-            source = _as_rows(self._sources[steps[0].source][within])
-            targets = [buffers[place][within] for place in _places(self._buffered(steps))]
+            source = _as_rows(self._starts[steps[0].source][within])
+            targets = [buffers[place][within] for place in _places(steps, self._buffered(steps))]
             if self._stored and steps is self._chains[-1]:
                 targets.append(_as_rows(self._measured[self._stored][within]))
             for step, target in zip(steps, targets, strict=True):
@@ -200,7 +219,16 @@ class Measurement:
 
     def _depth_steps(self) -> list[Step]:
         depth = [number for number, effect in enumerate(self._effects) if effect.kind == "depth"]
-        return [self._step(number, "depth") for number in depth]
+        steps = [self._step(number, "depth") for number in depth]
+        if steps and self._starts["depth"] is self._unclipped:
+            steps.append(Step("depth", True, self._show_misses))
+        return steps
+
+    def _make_unclipped(self) -> wp.array | None:
+        """The true depth for effects, where the camera's own is a number where nothing is hit, and one asks for it."""
+        asks = any(effect.kind == "depth" or "depth" in effect.reads for effect in self._effects)
+        clips = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping != "none"
+        return wp.zeros_like(self._truth["depth"]) if asks and clips else None
 
     def _color_steps(self) -> list[Step]:
         """Effects on colours, with the curves between bytes, linear light and display values."""
@@ -233,9 +261,9 @@ class Measurement:
             self._stored = results[0]
         return steps
 
-    def _buffered(self, steps: Sequence[Step]) -> Sequence[Step]:
-        """The steps of a chain that do not write bytes of the result."""
-        return steps[:-1] if self._stored and steps is self._chains[-1] else steps
+    def _buffered(self, steps: Sequence[Step]) -> int:
+        """How many steps of a chain do not write bytes of the result."""
+        return len(steps) - (1 if self._stored and steps is self._chains[-1] else 0)
 
     def _step(
         self,
@@ -253,7 +281,7 @@ class Measurement:
             frame = dataclasses.replace(frame, is_linear=is_linear, gives_light=gives_light)
             return effect.bind(dataclasses.replace(frame, through_srgb=through_srgb))
 
-        return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes)
+        return Step(source, effect.in_place, bind, effect.reads_bytes, effect.writes_bytes, effect.starts_with_bytes)
 
     def _frame(
         self, number: int, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
@@ -266,6 +294,7 @@ class Measurement:
             views=self._renderer.views(self._camera)[within],
             times=self._clock.times[within],
             elapsed=self._clock.elapsed[within],
+            renders=self._renders[within],
             mask=mask,
             params=SimpleNamespace(**{name: array[within] for name, array in self._arrays[number].items()}),
             randomness=self._randomness(self._first_stream + number, worlds),
@@ -276,6 +305,12 @@ class Measurement:
             worlds=worlds,
             pinhole=self._is_pinhole(),
         )
+
+    def _show_misses(
+        self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
+    ) -> Sequence[Stage]:
+        views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
+        return [self._per_strip(kernels.show_misses, worlds, [mask, self._size, views, source, target])]
 
     def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:
@@ -296,15 +331,15 @@ class Measurement:
     def _size(self) -> wp.vec2i:
         return wp.vec2i(self.width, self.height)
 
-    def _make_buffers(self, steps: Sequence[Step]) -> list[wp.array]:
-        """The measured image, and a second one where a step that is not the first looks at neighbours.
-
-        None for colours of which the only step writes bytes.
-        """
+    def _make_buffers(self, steps: Sequence[Step]) -> dict[int, wp.array]:
+        """Images that steps write, by place: the measured one, and others that are read on the way to it."""
         dtype = wp.float32 if steps[0].source == "depth" else wp.vec3
         shape = (self._num_worlds, self.height * self.width)
-        count = 1 + max(_places(self._buffered(steps)), default=-1)
-        return [wp.zeros(shape, dtype=dtype, device=self._device) for _ in range(count)]
+        places = _places(steps, self._buffered(steps))
+        buffers = {place: wp.zeros(shape, dtype=dtype, device=self._device) for place in {*places} - {BYTES}}
+        if BYTES in places:
+            buffers[BYTES] = wp.zeros((*shape, 3), dtype=wp.uint8, device=self._device)
+        return buffers
 
     def _make_images(self) -> dict[str, wp.array]:
         """Images that effects change."""
@@ -323,12 +358,18 @@ class Measurement:
         return DeliveredImages(self._effects[-1], self._arrays[-1], {**self._sources, **self._measured}, self._where)
 
 
-def _places(steps: Sequence[Step]) -> list[int]:
-    """Which buffer each step writes: the last the first one, and a step that looks at neighbours not what it reads."""
+def _places(steps: Sequence[Step], count: int) -> list[int]:
+    """Which buffer each of the first so many steps writes.
+
+    The last of numbers writes the first one, and a step that looks at neighbours not what it reads. What begins with
+    bytes is given bytes.
+    """
     places, place = [], 0
-    for step in reversed(steps):
-        places.append(place)
-        place = place if step.in_place else 1 - place
+    for number in reversed(range(count)):
+        follows = steps[number + 1 : number + 2]
+        gives_bytes = any(step.starts_with_bytes for step in follows) and steps[number].writes_bytes
+        places.append(BYTES if gives_bytes else place)
+        place = place if steps[number].in_place else 1 - place
     return places[::-1]
 
 

@@ -31,7 +31,8 @@ class Rig:
 
     Building one allocates all memory and compiles all kernels; ``read`` does neither, and waits for nothing. Threads
     may read rigs of one renderer: each read measures what it has rendered. Outputs that no effect changes are those of
-    the frame drawn last, whoever drew it. Where effects read ``flow`` a renderer has one rig.
+    the frame drawn last, whoever drew it. Where effects read ``flow`` a renderer has one rig: to
+    these effects a world that others have drawn since has no frame before.
 
     Args:
         renderer: Draws the cameras.

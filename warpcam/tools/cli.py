@@ -190,6 +190,10 @@ def _look(viewer: Any, simulation: Simulation | None) -> NoReturn:
 def _render(options: argparse.Namespace) -> int:
     width, height, device = _checked_scene(options)
     outputs = [name.strip() for name in options.outputs.split(",") if name.strip()]
+    if options.sensor and "depth" not in outputs:
+        raise WarpcamError(
+            f"--sensor: {options.sensor} measures depth, which --outputs must have, got {options.outputs}"
+        )
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:

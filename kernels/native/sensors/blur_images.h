@@ -26,35 +26,24 @@ WARPCAM_DEVICE BlurWeights blur_weights(float sigma)
 
 // Where a thread works: numbers of a column from a row on, and the numbers in its row of the first and the last pixel.
 struct BlurPlace {
-    int world, column, top, first, last;
-    size_t start;  // of the image
+    int column, top, first, last;
 };
 
-WARPCAM_DEVICE BlurPlace blur_place(int index, int width, int height)
+WARPCAM_DEVICE BlurPlace blur_place(int piece, int width)
 {
-    const int strip = index / width, column = index - strip * width, strips = (height + BLUR_ROWS - 1) / BLUR_ROWS;
-    const int world = strip / strips, first = column % 3;
-    return {
-        world, column, BLUR_ROWS * (strip - world * strips), first, width - 3 + first, size_t(world) * width * height
-    };
+    const int strip = piece / width, column = piece - strip * width, first = column % 3;
+    return { column, BLUR_ROWS * strip, first, width - 3 + first };
 }
 
-// Blurs along rows, which go on as the pixels at their ends, where that is not done across and down at once.
-template <class Mask, class Sigma, class Images> WARPCAM_DEVICE void blur_rows(const Mask& mask, int width, int height,
-                                                                               const Sigma& sigma, const Images& source,
-                                                                               const Images& target, int index)
+WARPCAM_DEVICE int blur_pieces(int width, int height) { return width * ((height + BLUR_ROWS - 1) / BLUR_ROWS); }
+
+// Blurs a piece along rows, which go on as the pixels at their ends.
+WARPCAM_DEVICE void blur_rows_of(const float* image, float* out, BlurPlace place, int width, int height,
+                                 BlurWeights gaussian)
 {
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
 #endif
-    const BlurPlace place = blur_place(index, width, height);
-    if (!mask.data[place.world])
-        return;
-    const BlurWeights gaussian = blur_weights(sigma.data[place.world]);
-    if (gaussian.radius <= NEAR_PIXELS)
-        return;
-    const float* image = source.data + place.start;
-    float* out = target.data + place.start;
     int rows[BLUR_ROWS];
     float totals[BLUR_ROWS];
 #pragma unroll
@@ -74,10 +63,28 @@ template <class Mask, class Sigma, class Images> WARPCAM_DEVICE void blur_rows(c
             totals[k] += weight * (image[rows[k] + before] + image[rows[k] + after]);
         weights += 2.0f * weight;
     }
+    const float share = rcp(weights);
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k)
         if (place.top + k < height)
-            out[rows[k] + place.column] = quotient(totals[k], weights, rcp(weights));
+            out[rows[k] + place.column] = totals[k] * share;
+}
+
+// Blurs along rows where that is not done across and down at once. So many lanes share the pieces of a world: few of
+// them, as most images have nothing to do here.
+template <class Mask, class Sigma, class Images>
+WARPCAM_DEVICE void blur_rows(const Mask& mask, int width, int height, int lanes, const Sigma& sigma,
+                              const Images& source, const Images& target, int index)
+{
+    const int world = index / lanes;
+    if (!mask.data[world])
+        return;
+    const BlurWeights gaussian = blur_weights(sigma.data[world]);
+    if (gaussian.radius <= NEAR_PIXELS)
+        return;
+    const size_t start = size_t(world) * width * height;
+    for (int piece = index - world * lanes; piece < blur_pieces(width, height); piece += lanes)
+        blur_rows_of(source.data + start, target.data + start, blur_place(piece, width), width, height, gaussian);
 }
 
 // Means down a column of blurred rows; a row is read once for all numbers of the thread.
@@ -108,9 +115,10 @@ WARPCAM_DEVICE void blur_column(const float* rows, BlurPlace place, int width, i
             means[k] += weight * (before[k] + after[k]);
         weights += 2.0f * weight;
     }
+    const float share = rcp(weights);
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k)
-        means[k] = quotient(means[k], weights, rcp(weights));
+        means[k] *= share;
 }
 
 // Means across and down with a radius of at most NEAR_PIXELS: those along the rows are kept by the thread. INSIDE, no
@@ -121,6 +129,7 @@ template <bool INSIDE> WARPCAM_DEVICE void blur_nearby(const float* image, BlurP
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
 #endif
+    // Pixels beyond the radius have no weight; the middle stands for them.
     float weights[NEAR_PIXELS], ratio = gaussian.ratio, weight = 1.0f, sum = 1.0f;
     const float growth = ratio * ratio;
     int before[NEAR_PIXELS], after[NEAR_PIXELS];
@@ -128,13 +137,12 @@ template <bool INSIDE> WARPCAM_DEVICE void blur_nearby(const float* image, BlurP
     for (int k = 0; k < NEAR_PIXELS; ++k) {
         weight *= ratio;
         ratio *= growth;
-        weights[k] = weight;
-        sum += k < gaussian.radius ? 2.0f * weight : 0.0f;
+        weights[k] = k < gaussian.radius ? weight : 0.0f;
+        sum += 2.0f * weights[k];
         const int distance = 3 * (k + 1);
         before[k] = INSIDE ? -distance : max(-distance, place.first - place.column);
         after[k] = INSIDE ? distance : min(distance, place.last - place.column);
     }
-    const float reciprocal = rcp(sum);
     constexpr int ROWS = BLUR_ROWS + 2 * NEAR_PIXELS;
     float across[ROWS];
 #pragma unroll
@@ -143,19 +151,18 @@ template <bool INSIDE> WARPCAM_DEVICE void blur_nearby(const float* image, BlurP
         float total = middle[0];
 #pragma unroll
         for (int k = 0; k < NEAR_PIXELS; ++k)
-            if (k < gaussian.radius)
-                total += weights[k] * (middle[before[k]] + middle[after[k]]);
-        across[row] = quotient(total, sum, reciprocal);
+            total += weights[k] * (middle[before[k]] + middle[after[k]]);
+        across[row] = total;
     }
+    const float share = rcp(sum * sum);
 #pragma unroll
     for (int row = 0; row < BLUR_ROWS; ++row) {
         const int middle = row + NEAR_PIXELS;
         float total = across[middle];
 #pragma unroll
         for (int k = 0; k < NEAR_PIXELS; ++k)
-            if (k < gaussian.radius)
-                total += weights[k] * (across[middle - 1 - k] + across[middle + 1 + k]);
-        means[row] = quotient(total, sum, reciprocal);
+            total += weights[k] * (across[middle - 1 - k] + across[middle + 1 + k]);
+        means[row] = share * total;
     }
 }
 
@@ -178,16 +185,17 @@ template <class Mask, class Sigma, class Images, class Target>
 WARPCAM_DEVICE void blur_image(const Mask& mask, int width, int height, const Sigma& sigma, const Images& source,
                                const Images& rows, const Target& target, int index)
 {
-    const BlurPlace place = blur_place(index, width, height);
-    if (!mask.data[place.world])
+    const int pieces = blur_pieces(width, height), world = index / pieces;
+    if (!mask.data[world])
         return;
-    const float *image = source.data + place.start, *blurred = rows.data + place.start;
+    const BlurPlace place = blur_place(index - world * pieces, width);
+    const size_t start = size_t(world) * width * height;
     float means[BLUR_ROWS];
-    blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
+    blur_numbers(source.data + start, rows.data + start, place, width, height, sigma.data[world], means);
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k)
         if (place.top + k < height)
-            set_number(target, place.start + (place.top + k) * width + place.column, means[k]);
+            set_number(target, start + (place.top + k) * width + place.column, means[k]);
 }
 
 // Adds an amount of what blur_image would take from an image.
@@ -198,18 +206,20 @@ WARPCAM_DEVICE void sharpen_image(const Mask& mask, int width, int height, const
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
 #endif
-    const BlurPlace place = blur_place(index, width, height);
-    if (!mask.data[place.world])
+    const int pieces = blur_pieces(width, height), world = index / pieces;
+    if (!mask.data[world])
         return;
-    const float gain = amount.data[place.world];
-    const float *image = source.data + place.start, *blurred = rows.data + place.start;
+    const BlurPlace place = blur_place(index - world * pieces, width);
+    const size_t start = size_t(world) * width * height;
+    const float gain = amount.data[world];
+    const float* image = source.data + start;
     float means[BLUR_ROWS];
-    blur_numbers(image, blurred, place, width, height, sigma.data[place.world], means);
+    blur_numbers(image, rows.data + start, place, width, height, sigma.data[world], means);
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k) {
         if (place.top + k < height) {
             const int number = (place.top + k) * width + place.column;
-            set_number(target, place.start + number, image[number] + gain * (image[number] - means[k]));
+            set_number(target, start + number, image[number] + gain * (image[number] - means[k]));
         }
     }
 }

@@ -17,16 +17,19 @@ WARPCAM_DEVICE float encoded_byte(const int* bytes_of_light, float light)
 template <class Target> WARPCAM_DEVICE void set_number(const Target& target, size_t number, float value)
 {
     if (target.kind == NUMBERS_KIND) {
-        target.numbers.data[number / 3][int(number % 3)] = value;
+        reinterpret_cast<float*>(target.numbers.data)[number] = value;
         return;
     }
-    const size_t pixel = number / 3;
-    const int channel = int(number - 3 * pixel), channels = target.bytes.shape[2];
     const float byte = target.kind == LIGHT_BYTES_KIND ? encoded_byte(target.bytes_of_light.data, value)
                                                        : min(max(value, 0.0f), 1.0f) * 255.0f + 0.5f;
-    target.bytes.data[pixel * channels + channel] = (unsigned char)byte;
-    if (channels == 4 && channel == 2)
-        target.bytes.data[pixel * 4 + 3] = target.truth.data[pixel * 4 + 3];
+    if (target.bytes.shape[2] == 4) {
+        const size_t pixel = number / 3;
+        const int channel = int(number - 3 * pixel);
+        number = 4 * pixel + channel;
+        if (channel == 2)
+            target.bytes.data[number + 1] = target.truth.data[number + 1];
+    }
+    target.bytes.data[number] = (unsigned char)byte;
 }
 
 }  // namespace warpcam

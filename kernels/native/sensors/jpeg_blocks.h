@@ -104,9 +104,15 @@ WARPCAM_DEVICE void code_block(JpegBlock& block, const float* steps, int first_c
     transpose(block);
 }
 
-// Bytes of red, green and blue.
-template <class Image, class Color> WARPCAM_DEVICE Vec3 color_bytes(const Image& image, const Color& color)
+// Bytes of red, green and blue of a pixel of all worlds: as they are, or of numbers.
+template <class Image, class Colors>
+WARPCAM_DEVICE Vec3 color_bytes(const Image& image, const Colors& source, size_t pixel)
 {
+    if (source.kind != NUMBERS_KIND) {
+        const unsigned char* color = source.bytes.data + pixel * source.bytes.shape[2];
+        return { float(color[0]), float(color[1]), float(color[2]) };
+    }
+    const auto& color = source.numbers.data[pixel];
     if (image.is_linear) {
         const int* bytes = image.bytes_of_light.data;
         return { encoded_byte(bytes, color[0]), encoded_byte(bytes, color[1]), encoded_byte(bytes, color[2]) };
@@ -134,7 +140,6 @@ WARPCAM_DEVICE void code_jpeg_chroma(const Mask& mask, const Image& image, const
     if (!mask.data[place.world])
         return;
     const size_t start = size_t(place.world) * width * height;
-    const auto* colors = source.data + start;
     unsigned char* luma = image.luma.data + start;
     JpegBlock to_blue, to_red;
 #pragma unroll
@@ -145,10 +150,10 @@ WARPCAM_DEVICE void code_jpeg_chroma(const Mask& mask, const Image& image, const
             const int top = SCALE * (8 * place.row + row);
             float blue = 0.0f, red = 0.0f;
 #pragma unroll
-            for (int pixel = 0; pixel < SCALE * SCALE; ++pixel) {
-                const int x = left + pixel % SCALE, y = top + pixel / SCALE;
-                const auto& shown = colors[min(y, height - 1) * width + min(x, width - 1)];
-                const Vec3 color = jpeg_color(color_bytes(image, shown));
+            for (int k = 0; k < SCALE * SCALE; ++k) {
+                const int x = left + k % SCALE, y = top + k / SCALE;
+                const size_t pixel = start + min(y, height - 1) * width + min(x, width - 1);
+                const Vec3 color = jpeg_color(color_bytes(image, source, pixel));
                 blue += color.y;
                 red += color.z;
                 if (x < width && y < height)

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
-from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.effect import Effect, EffectFrame, parameter, side_by_side
 from warpcam.sensors.kernels import depth_of_field as kernels
 
 MAX_RADIUS = 64.0
@@ -53,14 +52,10 @@ class DepthOfField(Effect):
         is_number = isinstance(radius, int | float | np.integer | np.floating) and not isinstance(radius, bool)
         if not is_number or not 0.0 < radius <= MAX_RADIUS:
             raise WarpcamError(f"{where}: max_radius must be above 0 and at most {MAX_RADIUS:g}, got {radius!r}")
-        focus, focal = (
-            as_numbers(getattr(self, name), f"{where}: {name}") for name in ("focus_distance", "focal_length")
-        )
-        if focus.shape in ((), focal.shape) or focal.shape == ():
-            near = focus <= focal
-            if near.any():
-                nearest = np.broadcast_to(focus, near.shape)[near].flat[0]
-                raise WarpcamError(f"{where}: focus_distance must be greater than focal_length, got {nearest:g}")
+        focus, focal = side_by_side(self, where, "focus_distance", "focal_length")
+        near = focus[focus <= focal]
+        if near.size:
+            raise WarpcamError(f"{where}: focus_distance must be greater than focal_length, got {near[0]:g}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         worlds, pixels = len(frame.worlds), frame.width * frame.height

@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.effect import Effect, EffectFrame, parameter, side_by_side
 from warpcam.sensors.kernels.fixed_patterns import spoil_pixels, vary_dark_signal, vary_response
 
 
@@ -53,7 +56,8 @@ class Dsnu(Effect):
 class DeadPixels(Effect):
     """Defective pixels at fixed places: dead ones are black, hot ones bright, whatever the light.
 
-    Each pixel is defective by chance, so the number of them varies from world to world about its mean.
+    Each pixel is defective by chance, so the number of them varies from world to world about its mean. Both shares
+    together are at most 1.
 
     Attributes:
         dead: Share of pixels that are black; a number or (world,).
@@ -68,6 +72,11 @@ class DeadPixels(Effect):
     kind = "linear"
     reads_bytes = True
     writes_bytes = True
+
+    def check(self, where: str) -> None:
+        shares = np.add(*side_by_side(self, where, "dead", "hot"))
+        if (shares > 1.0 + 1e-6).any():
+            raise WarpcamError(f"{where}: dead and hot must be at most 1 together, got {shares.max():g}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params

@@ -60,7 +60,9 @@ class JpegArtifacts(Effect):
 
     kind = "display"
     takes_light = True
+    reads_bytes = True
     writes_bytes = True
+    starts_with_bytes = True
 
     def check(self, where: str) -> None:
         if self.subsampling not in get_args(Subsampling):
@@ -88,6 +90,6 @@ class JpegArtifacts(Effect):
         inputs = [frame.mask, tables, frame.params.quality, image.steps]
         return [
             bind_launch(find_steps, worlds * tables.size, inputs, device),
-            bind_launch(code_chroma, threads * of_chroma, [frame.mask, image, frame.source], device),
+            bind_launch(code_chroma, threads * of_chroma, [frame.mask, image, frame.color_source], device),
             bind_launch(code_luma, threads * of_luma, [frame.mask, image, frame.color_target], device),
         ]

@@ -7,10 +7,12 @@ from typing import Any
 import warp as wp
 
 from warpcam.core.shared_memory import shared
-from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.neighborhoods import BLUR_ROWS, MAX_SIGMA, blur, blur_rows, sharpen, shift_channels
 from warpcam.sensors.kernels.vignetting import darken_by_radius, darken_naturally
+
+BUSY_THREADS = 2**18  # that keep a GPU busy
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,8 +127,10 @@ def bind_blur(frame: EffectFrame, kernel: wp.Kernel, parameters: Sequence[wp.arr
     worlds, width, height = len(frame.worlds), 3 * frame.width, frame.height
     images = [frame.source, wp.empty_like(frame.source)]
     source, rows = (shared(image, (worlds, width * height), wp.float32) for image in images)
-    threads, common = worlds * width * -(-height // BLUR_ROWS), [frame.mask, width, height]
+    pieces, common = width * -(-height // BLUR_ROWS), [frame.mask, width, height]
+    lanes = min(pieces, max(BLOCK_DIM, BUSY_THREADS // worlds)) if frame.device.is_cuda else pieces
+    inputs = [*common, lanes, parameters[-1], source, rows]
     return [
-        bind_launch(blur_rows, threads, [*common, parameters[-1], source, rows], frame.device),
-        bind_launch(kernel, threads, [*common, *parameters, source, rows, frame.color_target], frame.device),
+        bind_launch(blur_rows, worlds * lanes, inputs, frame.device),
+        bind_launch(kernel, worlds * pieces, [*common, *parameters, source, rows, frame.color_target], frame.device),
     ]

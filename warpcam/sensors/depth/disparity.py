@@ -5,16 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.depth_lookup import shift_bilinear
 from warpcam.sensors.kernels.disparity import add_disparity_noise, quantize_disparity
-from warpcam.sensors.kernels.matching_window import MatchingRule, WindowRows, keep_matches, sum_window_rows
-
-MAX_RADIUS = 15
+from warpcam.sensors.kernels.matching_window import MAX_RADIUS, MatchingRule, bind_matches
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +26,13 @@ class ShiftedLookup(Effect):
         sigma: Standard deviation of both coordinates [pixels of the sensor]; a number or (world,).
         focal_length: Focal length of the sensor [pixels], for images that have fewer pixels than it; 0 is the camera's
             own; a number or (world,).
+        focal_length_y: That of columns, where pixels of the sensor are not square; 0 is ``focal_length``; a number or
+            (world,).
     """
 
     sigma: Any = parameter(0.5, low=0.0)
     focal_length: Any = parameter(0.0, low=0.0)
+    focal_length_y: Any = parameter(0.0, low=0.0)
 
     kind = "depth"
     in_place = False
@@ -41,7 +41,8 @@ class ShiftedLookup(Effect):
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         params = frame.params
         inputs = [frame.mask, frame.views, frame.size, frame.randomness, params.sigma, params.focal_length]
-        return [frame.per_strip(shift_bilinear, [*inputs, frame.source, frame.target])]
+        inputs += [params.focal_length_y, frame.source, frame.target]
+        return [frame.per_strip(shift_bilinear, inputs)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +144,4 @@ class MatchingWindow(Effect):
         rule.views, rule.radius = frame.views, int(self.radius)
         rule.baseline, rule.tolerance, rule.share = params.baseline, params.tolerance, params.share
         rule.focal = params.focal_length
-        rows = WindowRows()
-        rows.sums, rows.counts = wp.empty_like(frame.source), wp.empty_like(frame.source)
-        rows.least, rows.greatest = wp.empty_like(frame.source), wp.empty_like(frame.source)
-        common = [frame.mask, frame.size, rule]
-        return [
-            frame.per_strip(sum_window_rows, [*common, frame.source, rows]),
-            frame.per_strip(keep_matches, [*common, rows, frame.source, frame.target]),
-        ]
+        return [bind_matches(frame.width, frame.height, frame.mask, rule, frame.source, frame.target)]

@@ -63,11 +63,13 @@ class LateralNoise(Effect):
         angular: Growth with the angle [pixels of the sensor].
         focal_length: Focal length of the sensor [pixels], for images that have fewer pixels than it; 0 is the camera's
             own.
+        focal_length_y: That of columns, where pixels of the sensor are not square; 0 is ``focal_length``.
     """
 
     constant: Any = parameter(0.8, low=0.0)
     angular: Any = parameter(0.035, low=0.0)
     focal_length: Any = parameter(0.0, low=0.0)
+    focal_length_y: Any = parameter(0.0, low=0.0)
 
     kind = "depth"
     reads = ("normals",)
@@ -85,5 +87,5 @@ class LateralNoise(Effect):
             params.constant,
             params.angular,
         ]
-        inputs += [params.focal_length, frame.source, frame.target]
+        inputs += [params.focal_length, params.focal_length_y, frame.source, frame.target]
         return [frame.per_strip(shift_nearest, inputs)]

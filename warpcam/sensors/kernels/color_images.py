@@ -34,33 +34,66 @@ class ColorTarget:
     bytes_of_light: wp.array(dtype=wp.int32)  # see ``curves.byte_table``
 
 
+# Images of an effect lie in memory one pixel after another: places are found without the strides of arrays.
+
+
+@wp.func_native("return image.data[size_t(world) * image.shape[1] + pixel];")
+def numbers_at(image: wp.array2d(dtype=wp.vec3), world: wp.int32, pixel: wp.int32) -> wp.vec3:
+    """Three numbers of a pixel."""
+    ...
+
+
+@wp.func_native("image.data[size_t(world) * image.shape[1] + pixel] = value;")
+def set_numbers(image: wp.array2d(dtype=wp.vec3), world: wp.int32, pixel: wp.int32, value: wp.vec3):
+    """Write three numbers of a pixel."""
+    ...
+
+
+@wp.func_native("""
+const unsigned char* at = image.data + (size_t(world) * image.shape[1] + pixel) * image.shape[2];
+return wp::vec3i(at[0], at[1], at[2]);
+""")
+def bytes_at(image: wp.array3d(dtype=wp.uint8), world: wp.int32, pixel: wp.int32) -> wp.vec3i:
+    """The first three bytes of a pixel."""
+    ...
+
+
+@wp.func_native("""
+unsigned char* at = image.data + (size_t(world) * image.shape[1] + pixel) * image.shape[2];
+at[0] = (unsigned char)value[0];
+at[1] = (unsigned char)value[1];
+at[2] = (unsigned char)value[2];
+""")
+def set_bytes(image: wp.array3d(dtype=wp.uint8), world: wp.int32, pixel: wp.int32, value: wp.vec3i):
+    """Write the first three bytes of a pixel."""
+    ...
+
+
 @wp.func
 def color_at(source: ColorSource, world: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Numbers of a pixel; linear light of bytes."""
     if source.kind == NUMBERS:
-        return source.numbers[world, pixel]
-    return wp.vec3(
-        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 0])],
-        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 1])],
-        source.light_of_bytes[wp.int32(source.bytes[world, pixel, 2])],
-    )
+        return numbers_at(source.numbers, world, pixel)
+    shown = bytes_at(source.bytes, world, pixel)
+    return wp.vec3(source.light_of_bytes[shown[0]], source.light_of_bytes[shown[1]], source.light_of_bytes[shown[2]])
 
 
 @wp.func
 def set_color(target: ColorTarget, world: wp.int32, pixel: wp.int32, value: wp.vec3):
     """Write numbers of a pixel, or their bytes."""
     if target.kind == NUMBERS:
-        target.numbers[world, pixel] = value
+        set_numbers(target.numbers, world, pixel, value)
     elif target.kind == DISPLAY_NUMBERS:
-        target.numbers[world, pixel] = wp.vec3(encode(value[0]), encode(value[1]), encode(value[2]))
+        set_numbers(target.numbers, world, pixel, wp.vec3(encode(value[0]), encode(value[1]), encode(value[2])))
     else:
-        for k in range(3):
-            byte = wp.int32(0)
-            if target.kind == LIGHT_BYTES:
-                byte = encode_byte(target.bytes_of_light, value[k])
-            else:
-                byte = wp.int32(wp.clamp(value[k], 0.0, 1.0) * 255.0 + 0.5)
-            target.bytes[world, pixel, k] = wp.uint8(byte)
+        shown = wp.vec3i()
+        if target.kind == LIGHT_BYTES:
+            for k in range(3):
+                shown[k] = encode_byte(target.bytes_of_light, value[k])
+        else:
+            for k in range(3):
+                shown[k] = wp.int32(wp.clamp(value[k], 0.0, 1.0) * 255.0 + 0.5)
+        set_bytes(target.bytes, world, pixel, shown)
         if target.bytes.shape[2] == 4:
             target.bytes[world, pixel, 3] = target.truth[world, pixel, 3]
 

@@ -21,6 +21,7 @@ def shift_nearest(
     constant: wp.array(dtype=wp.float32),
     angular: wp.array(dtype=wp.float32),
     focal: wp.array(dtype=wp.float32),
+    focal_y: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
@@ -33,18 +34,17 @@ def shift_nearest(
     view = views[world]
     least = constant[world]
     growth = angular[world]
-    ratio = resolution(focal[world], view)
+    ratio = resolution(focal[world], focal_y[world], view)
     random = frame_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * width + column
         sigma = wp.float32(least)
         if is_measured(source[world, pixel]):
             sigma += growth * grazing_ratio(incidence(view, normals, world, row, column))
-        sigma *= ratio
         state = wp.rand_init(random, pixel)
         across, down, _ = two_normals(state)
-        x = wp.float32(column) + sigma * across
-        y = wp.float32(row) + sigma * down
+        x = wp.float32(column) + sigma * ratio[0] * across
+        y = wp.float32(row) + sigma * ratio[1] * down
         other_column = wp.clamp(wp.int32(wp.floor(x + 0.5)), 0, width - 1)
         other_row = wp.clamp(wp.int32(wp.floor(y + 0.5)), 0, height - 1)
         target[world, pixel] = source[world, other_row * width + other_column]
@@ -58,6 +58,7 @@ def shift_bilinear(
     randomness: Randomness,
     shift: wp.array(dtype=wp.float32),
     focal: wp.array(dtype=wp.float32),
+    focal_y: wp.array(dtype=wp.float32),
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
@@ -67,14 +68,14 @@ def shift_bilinear(
     if mask[world] == wp.uint8(0):
         return
     width, height = size[0], size[1]
-    sigma = shift[world] * resolution(focal[world], views[world])
+    sigma = shift[world] * resolution(focal[world], focal_y[world], views[world])
     random = frame_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * width + column
         state = wp.rand_init(random, pixel)
         across, down, _ = two_normals(state)
-        x = wp.clamp(wp.float32(column) + sigma * across, 0.0, wp.float32(width - 1))
-        y = wp.clamp(wp.float32(row) + sigma * down, 0.0, wp.float32(height - 1))
+        x = wp.clamp(wp.float32(column) + sigma[0] * across, 0.0, wp.float32(width - 1))
+        y = wp.clamp(wp.float32(row) + sigma[1] * down, 0.0, wp.float32(height - 1))
         left = wp.int32(x)
         upper = wp.int32(y)
         u = x - wp.float32(left)

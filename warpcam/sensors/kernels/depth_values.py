@@ -20,9 +20,16 @@ def focal_length(given: wp.float32, view: View) -> wp.float32:
 
 
 @wp.func
-def resolution(given: wp.float32, view: View) -> wp.float32:
-    """Pixels of the view for each pixel of a sensor with the given focal length; 1 where it is 0."""
-    return wp.where(given > 0.0, 1.0 / (view.scale[0] * given), 1.0)
+def resolution(across: wp.float32, down: wp.float32, view: View) -> wp.vec2:
+    """Pixels of the view across and down for each pixel of a sensor with the given focal lengths [pixels].
+
+    That down is equal to that across where it is 0. 1 where neither is given.
+    """
+    focal_y = wp.where(down > 0.0, down, across)
+    return wp.vec2(
+        wp.where(across > 0.0, 1.0 / (view.scale[0] * across), 1.0),
+        wp.where(focal_y > 0.0, 1.0 / (view.scale[1] * focal_y), 1.0),
+    )
 
 
 @wp.func

@@ -14,8 +14,6 @@ wp.set_module_options(compiler_flags())
 # Least mean for which Poisson's distribution is approximated. The approximation's distribution function is off by less
 # than 4e-4 from here on, and its mean and variance by less than 1e-3 of the mean.
 APPROXIMATE_FROM = wp.constant(4.0)
-# Probability below which the tail of the exact distribution is cut off: less than the step of a random number.
-LEAST_PROBABILITY = wp.constant(1.0e-8)
 
 
 @wp.struct
@@ -48,29 +46,40 @@ def many_electrons(mean: wp.float32, normal: wp.float32) -> wp.float32:
     return wp.max(wp.floor(mean + root * normal + correction + small), 0.0)
 
 
-@wp.func
+@wp.func_native("""
+float power[3] = { 1.0f, 1.0f, 1.0f }, passed[3] = { 1.0f, 1.0f, 1.0f }, chance[3], count[3] = {};
+for (int k = 0; k < 3; ++k)
+#if defined(__CUDA_ARCH__)
+    chance[k] = wp::min(uniforms[k], 0.9999996f) * __expf(means[k]);
+#else
+    chance[k] = wp::min(uniforms[k], 0.9999996f) * wp::exp(means[k]);
+#endif
+float share = 1.0f;
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#endif
+for (int step = 1; step < 20; ++step) {
+    bool is_more = false;
+    share *= 1.0f / step;
+    for (int k = 0; k < 3; ++k) {
+        const bool is_beyond = chance[k] >= passed[k];
+        count[k] = is_beyond ? 1.0f * step : count[k];
+        is_more |= is_beyond;
+        power[k] *= means[k];
+        passed[k] += power[k] * share;
+    }
+    if (!is_more)
+        break;
+}
+return wp::vec3(count[0], count[1], count[2]);
+""")
 def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
-    """Three numbers of Poisson's distribution with means below APPROXIMATE_FROM, by inversion: exact but for rounding.
+    """Three numbers of Poisson's distribution with means below APPROXIMATE_FROM, by inversion: exact to 1e-6.
 
-    They are counted along the distribution functions until these pass ``uniforms``, after at most 23 steps.
+    They are counted along the distribution functions, over ``exp(-mean)``, until these pass ``uniforms``, of which the
+    last 4e-7 count as one number: rounded sums do not come closer to 1. With a mean of 4 they are at most 18.
     """
-    probabilities = wp.vec3(wp.exp(-means[0]), wp.exp(-means[1]), wp.exp(-means[2]))
-    passed = wp.vec3(probabilities[0], probabilities[1], probabilities[2])
-    counts = wp.vec3()
-    count = wp.float32(0.0)
-    more = wp.bool(True)
-    while more:
-        more = wp.bool(False)
-        step = count + 1.0
-        share = quotient(1.0, step)
-        for k in range(3):
-            if uniforms[k] >= passed[k] and (count < means[k] or probabilities[k] > LEAST_PROBABILITY):
-                more = wp.bool(True)
-                counts[k] = step
-            probabilities[k] *= means[k] * share
-            passed[k] += probabilities[k]
-        count = step
-    return counts
+    ...
 
 
 @wp.func
@@ -83,9 +92,10 @@ def electrons_of(means: wp.vec3, normals: wp.vec3, state: wp.uint32) -> wp.vec3:
             if means[k] >= APPROXIMATE_FROM:
                 chances[k] = -1.0  # ends the count at once
         counts = few_electrons(means, chances)
-    for k in range(3):
-        if means[k] >= APPROXIMATE_FROM:
-            counts[k] = many_electrons(means[k], normals[k])
+    if wp.max(means) >= APPROXIMATE_FROM:
+        for k in range(3):
+            many = many_electrons(wp.max(means[k], APPROXIMATE_FROM), normals[k])
+            counts[k] = wp.where(means[k] >= APPROXIMATE_FROM, many, counts[k])
     return counts
 
 
@@ -103,16 +113,18 @@ def count_electrons(
     if mask[world] == wp.uint8(0):
         return
     scale = electrons_at_white[world]
+    light = quotient(1.0, scale)  # of an electron
     random = frame_state(randomness, world)
     ahead = color_at(source, world, top * size[0] + column)
     for row in range(top, bottom):
         pixel = row * size[0] + column
         means = scale * wp.vec3(wp.max(ahead[0], 0.0), wp.max(ahead[1], 0.0), wp.max(ahead[2], 0.0))
         ahead = color_at(source, world, wp.min(row + 1, bottom - 1) * size[0] + column)
-        normals, state = three_normals(wp.rand_init(random, pixel))
-        electrons = electrons_of(means, normals, state)
-        seen = wp.vec3(quotient(electrons[0], scale), quotient(electrons[1], scale), quotient(electrons[2], scale))
-        set_color(target, world, pixel, seen)
+        state = wp.rand_init(random, pixel)
+        normals = wp.vec3()
+        if wp.max(means) >= APPROXIMATE_FROM:
+            normals, state = three_normals(state)
+        set_color(target, world, pixel, light * electrons_of(means, normals, state))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -157,7 +169,7 @@ def measure_linearly(
     highest = greatest_number(camera.bits[world])
     full_well = camera.full_well[world]
     dark_noise = camera.dark_noise[world]
-    white = gain * at_white
+    step = quotient(1.0, gain * at_white)  # light of a digital number
     random = frame_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * size[0] + column
@@ -174,5 +186,5 @@ def measure_linearly(
         electrons = electrons_of(means, normals, state)
         for k in range(3):
             number = wp.floor(gain * (wp.min(electrons[k], full_well) + noise[k]) + black + 0.5)
-            light[k] = quotient(wp.clamp(number, 0.0, highest) - black, white)
+            light[k] = (wp.clamp(number, 0.0, highest) - black) * step
         set_color(target, world, pixel, light)

@@ -4,6 +4,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column, strip_of
+from warpcam.kernels.types import View
 from warpcam.sensors.kernels.curves import decode, encode_byte
 
 wp.set_module_options(compiler_flags())
@@ -21,6 +22,46 @@ def clear(mask: wp.array(dtype=wp.uint8), words: wp.array2d(dtype=wp.int32), fir
     world, word = row_and_column(first + wp.tid(), words.shape[1])
     if mask[world] != wp.uint8(0):
         words[world, word] = 0
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def hide_misses(
+    mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
+    views: wp.array(dtype=View),
+    source: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
+    first: wp.int32,
+):
+    """Depth that is infinite where nothing is hit, whatever the camera has there."""
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    miss = views[world].miss
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        target[world, pixel] = wp.where(depth == miss, wp.inf, depth)
+
+
+@wp.kernel(enable_backward=False, grid_stride=False)
+def show_misses(
+    mask: wp.array(dtype=wp.uint8),
+    size: wp.vec2i,
+    views: wp.array(dtype=View),
+    source: wp.array2d(dtype=wp.float32),
+    target: wp.array2d(dtype=wp.float32),
+    first: wp.int32,
+):
+    """Depth that is again what the camera has where nothing is hit, and no effect has changed that."""
+    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    if mask[world] == wp.uint8(0):
+        return
+    miss = views[world].miss
+    for row in range(top, bottom):
+        pixel = row * size[0] + column
+        depth = source[world, pixel]
+        target[world, pixel] = wp.where(depth == wp.inf, miss, depth)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)

@@ -7,7 +7,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.indices import row_and_column
 from warpcam.kernels.runtime.kernels import make_kernel
-from warpcam.sensors.kernels.color_images import ColorTarget
+from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget
 
 wp.set_module_options(compiler_flags())
 
@@ -59,5 +59,5 @@ def _coder(image: str, scale: int, colors: str, kind: Any) -> wp.Kernel:
 
 
 # They write luma and code chroma of a source; and code luma and write colours of it with the chroma.
-code_full_chroma, code_half_chroma = (_coder("chroma", scale, "source", wp.array2d(dtype=wp.vec3)) for scale in (1, 2))
+code_full_chroma, code_half_chroma = (_coder("chroma", scale, "source", ColorSource) for scale in (1, 2))
 code_full_luma, code_half_luma = (_coder("luma", scale, "target", ColorTarget) for scale in (1, 2))

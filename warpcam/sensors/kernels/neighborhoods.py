@@ -19,8 +19,8 @@ _NUMBERS, _IMAGE = wp.array(dtype=wp.float32), wp.array2d(dtype=wp.float32)  # (
 
 blur_rows = make_kernel(
     "blur_rows",
-    "warpcam::blur_rows(mask, width, height, sigma, source, rows, index);",
-    {**_IMAGES, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE},
+    "warpcam::blur_rows(mask, width, height, lanes, sigma, source, rows, index);",
+    {**_IMAGES, "lanes": wp.int32, "sigma": _NUMBERS, "source": _IMAGE, "rows": _IMAGE},
     native_module("sensors/blur_images.h"),
 )
 blur = make_kernel(

@@ -23,7 +23,7 @@ class Motion:
     mask: wp.array(dtype=wp.uint8)  # (world,)
     flow: wp.array2d(dtype=wp.vec2)  # (world, pixel) [pixels]
     depth: wp.array2d(dtype=wp.float32)  # (world, pixel) [m]
-    elapsed: wp.array(dtype=wp.float32)  # (world,) time since the frame before [s]
+    elapsed: wp.array(dtype=wp.float32)  # (world,) time since the frame before [s]; NaN: there is none
     tile_flow: wp.array2d(dtype=wp.vec4)  # (world, tile) flow of the longest and of the nearest in it
     tile_depth: wp.array2d(dtype=wp.float32)  # (world, tile) of the nearest [m]
     spread_flow: wp.array2d(dtype=wp.vec4)  # (world, tile) of those that may have been in it
@@ -54,6 +54,29 @@ class Place:
 
 
 @wp.kernel(enable_backward=False)
+def follow_frames(
+    mask: wp.array(dtype=wp.uint8),
+    renders: wp.array(dtype=wp.int32),
+    elapsed: wp.array(dtype=wp.float32),
+    known: wp.array(dtype=wp.int32),
+    since: wp.array(dtype=wp.float32),
+    first: wp.int32,
+):
+    """Find the time since the frame before [s], NaN if that is not the one that the renderer has drawn before.
+
+    ``known`` is the number of the frame before, 0 for none.
+    """
+    world = first + wp.tid()
+    if mask[world] == wp.uint8(0):
+        return
+    time = wp.float32(wp.nan)
+    if known[world] != 0 and renders[world] == known[world] + 1:
+        time = elapsed[world]
+    since[world] = time
+    known[world] = renders[world]
+
+
+@wp.kernel(enable_backward=False)
 def find_turns(motion: Motion, views: wp.array(dtype=View), before: wp.array(dtype=View), first: wp.int32):
     """Find how the camera of a pinhole has turned since the frame before, and remember its view."""
     world = first + wp.tid()
@@ -77,7 +100,7 @@ def find_turns(motion: Motion, views: wp.array(dtype=View), before: wp.array(dty
         0.0, 0.0, -1.0,
     )  # fmt: skip
     motion.turns[world] = back * turn * along
-    motion.miss[world] = now.miss
+    motion.miss[world] = wp.inf
 
 
 @wp.func

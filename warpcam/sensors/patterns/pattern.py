@@ -54,6 +54,9 @@ class Pattern:
         times = np.zeros((rows, columns)) if self.times is None else _table(self.times, "times", (rows, columns))
         set_to(self, "times", _float32(times, "times"))
         rings = np.arange(rows) if self.rings is None else _table(self.rings, "rings", (rows,))
+        broken = rings[(rings != np.rint(rings)) | (np.abs(rings) >= 2**31)]
+        if broken.size:
+            raise WarpcamError(f"Pattern: rings must be whole numbers of 32 bits, got {broken[0]}")
         set_to(self, "rings", rings.astype(np.int32))
         if self.rate is not None:
             set_to(self, "rate", positive(self.rate, "Pattern: rate"))
@@ -102,6 +105,24 @@ def rays(
     return Pattern(
         directions, origins=origins, times=times, rings=rings, rate=rate, min_range=min_range, max_range=max_range
     )
+
+
+def parts_of(pattern: Pattern, where: str) -> np.ndarray:
+    """Part of the sweep that is over when each ray is sent, (rows, columns) float32 from 0 to 1.
+
+    Raises:
+        WarpcamError: The pattern has no rate, or rays are sent before the sweep or after it.
+    """
+    if pattern.rate is None:
+        raise WarpcamError(f"{where} needs a pattern with a rate, which says when each ray is sent")
+    parts = pattern.times * pattern.rate
+    outside = pattern.times[(parts < 0.0) | (parts > 1.0 + 1e-6)]
+    if outside.size:
+        raise WarpcamError(
+            f"{where} needs times of the pattern from 0 to 1 / rate, which is {1.0 / pattern.rate:g} s, "
+            f"got {outside[0]:g}"
+        )
+    return np.minimum(parts, 1.0).astype(np.float32)
 
 
 def positive(value: Any, where: str) -> float:

@@ -102,7 +102,8 @@ def require_count(where: str, value: Any) -> None:
 def _bind_exposure(frame: EffectFrame, exposure: Any, is_depth: bool) -> list[Stage]:
     worlds, pixels = len(frame.worlds), frame.width * frame.height
     motion = kernels.Motion()
-    motion.mask, motion.elapsed = frame.mask, frame.elapsed
+    motion.mask, motion.elapsed = frame.mask, wp.zeros(worlds, dtype=wp.float32, device=frame.device)
+    known = frame.keep("known", (), wp.int32)
     motion.flow = shared(frame.truth["flow"], (worlds, pixels), wp.vec2)
     motion.depth = shared(frame.truth["depth"], (worlds, pixels), wp.float32)
     motion.width, motion.height = frame.width, frame.height
@@ -128,6 +129,7 @@ def _bind_exposure(frame: EffectFrame, exposure: Any, is_depth: bool) -> list[St
         expose = frame.per_pixel(kernels.expose_colors, [motion, exposure, *images])
         remember = kernels.remember_colors
     return [
+        frame.per_world(kernels.follow_frames, [frame.mask, frame.renders, frame.elapsed, known, motion.elapsed]),
         *turns,
         bind_launch(kernels.find_tile_flow, worlds * tiles, [motion], frame.device),
         bind_launch(kernels.spread_tile_flow, worlds * tiles, [motion, exposure], frame.device),
