@@ -60,7 +60,7 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--iterations", type=int, default=120, help="default: %(default)s")
     parser.add_argument("--seeds", nargs="+", type=int, default=[0], metavar="N", help="default: 0")
     parser.add_argument("--size", default="64x64", metavar="WxH", help="default: %(default)s")
-    parser.add_argument("--encoder", choices=ENCODERS, default="task", help="default: %(default)s")
+    parser.add_argument("--encoder", choices=tuple(ENCODERS), default="task", help="default: %(default)s")
     parser.add_argument("--device", metavar="D", help="cpu, or a GPU for each process (default)")
     parser.add_argument(
         "--alone",

@@ -65,6 +65,21 @@ def test_a_checkpoint_goes_on_where_it_was(device: wp.Device, tmp_path: Path) ->
     assert algorithm.optimizer.param_groups[0]["lr"] is algorithm._rate
 
 
+def test_a_spatial_softmax_tells_where_a_channel_is_bright(device: wp.Device) -> None:
+    """One convolution that gives its image back: the mean place is that of the one bright pixel."""
+    place = wp.device_to_torch(device)
+    plain = {"output_channels": [1], "kernel_size": [1], "stride": [1], "activation": "identity"}
+    encoder = Encoder(input_dim=(5, 9), input_channels=1, spatial_softmax=True, **plain).to(place)
+    assert encoder.output_dim == 2 and encoder.output_channels is None
+    with torch.no_grad():
+        encoder[0].weight.fill_(1.0)
+        encoder[0].bias.zero_()
+    images = torch.zeros((3, 1, 5, 9), device=place)
+    images[0, 0, 1, 6] = images[1, 0, 4, 0] = 50.0  # of the third none is
+    expected = torch.tensor(((0.5, -0.5), (-1.0, 1.0), (0.0, 0.0)), device=place)
+    torch.testing.assert_close(encoder(images), expected, atol=1e-5, rtol=0.0)
+
+
 @pytest.mark.parametrize("channels_last", [False, True])
 @pytest.mark.parametrize(("half", "error"), [(False, 1e-5), (True, 2e-2)])
 def test_bytes_are_encoded_as_numbers_are(device: wp.Device, half: bool, error: float, channels_last: bool) -> None:

@@ -16,11 +16,22 @@ class Encoder(CNN):  # type: ignore[misc]
     Args:
         half: Compute in bfloat16; weights and result are float32.
         channels_last: Have the channel be the fastest index in memory, as tensor cores take it.
+        spatial_softmax: Give for each channel of the last convolution the mean place in the image, x and y from -1 to
+            1, weighted by the softmax of the channel (Finn et al. 2016, Deep Spatial Autoencoders), not all numbers.
         convolutions: As ``rsl_rl.modules.CNN`` has them.
     """
 
-    def __init__(self, *, half: bool = False, channels_last: bool = False, **convolutions: Any):
-        super().__init__(**convolutions)
+    def __init__(
+        self, *, half: bool = False, channels_last: bool = False, spatial_softmax: bool = False, **convolutions: Any
+    ):
+        super().__init__(**convolutions, flatten=not spatial_softmax)
+        places = None
+        if spatial_softmax:
+            height, width = self.output_dim
+            y, x = torch.meshgrid(torch.linspace(-1.0, 1.0, height), torch.linspace(-1.0, 1.0, width), indexing="ij")
+            places = torch.stack((x.flatten(), y.flatten()), dim=1)
+            self._output_dim, self._output_channels = 2 * self.output_channels, None
+        self.register_buffer("_places", places, persistent=False)
         self._half, self._layout = half, torch.channels_last if channels_last else torch.contiguous_format
         self.to(memory_format=self._layout)
 
@@ -34,7 +45,10 @@ class Encoder(CNN):  # type: ignore[misc]
         # The cache of weights in half precision would outlive a CUDA graph that is recorded.
         with torch.autocast(images.device.type, torch.bfloat16, enabled=self._half, cache_enabled=False):
             encoded = super().forward(images)
-        return encoded.float()
+        if self._places is None:
+            return encoded.float()
+        shares = torch.softmax(encoded.float().flatten(2), dim=2)
+        return (shares @ self._places).flatten(1)
 
 
 class ImageModel(CNNModel):  # type: ignore[misc]

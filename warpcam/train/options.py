@@ -14,8 +14,17 @@ TASKS = {
 CRITICS = ("state", "pixels")
 COLORS = ("uint8", "float32")
 PRECISIONS = ("float32", "tf32", "bfloat16")
-SMALL_ENCODER = {"output_channels": [16, 32], "kernel_size": [8, 4], "stride": [4, 2], "activation": "elu"}
-ENCODERS = ("task", "small")
+ENCODERS = {  # of ``ppo.settings``; None is the task's own
+    "task": None,
+    "small": {"output_channels": [16, 32], "kernel_size": [8, 4], "stride": [4, 2], "activation": "elu"},
+    "places": {
+        "output_channels": [16, 32],
+        "kernel_size": [5, 3],
+        "stride": [2, 2],
+        "activation": "elu",
+        "spatial_softmax": True,
+    },
+}
 PROFILED = 10  # iterations of a profile
 
 
@@ -71,9 +80,10 @@ def add_learning(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--encoder",
-        choices=ENCODERS,
+        choices=tuple(ENCODERS),
         default="task",
-        help="convolutions of images: the task's own, or such of strides 4 and 2 (default: %(default)s)",
+        help="convolutions of images: the task's own, small with strides of 4 and 2, or places by spatial softmax "
+        "(default: %(default)s)",
     )
     parser.add_argument("--epochs", type=int, metavar="N", help="of learning from a stretch (default: the task's own)")
     parser.add_argument("--mini-batches", type=int, metavar="N", help="of each epoch (default: the task's own)")

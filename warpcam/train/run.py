@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam.core.errors import WarpcamError
-from warpcam.train.options import PROFILED, SMALL_ENCODER
+from warpcam.train.options import ENCODERS, PROFILED
 from warpcam.train.ranks import Rank
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def chosen(options: argparse.Namespace, on_gpu: bool) -> dict[str, Any]:
         "graphs": options.graphs,
         "num_learning_epochs": options.epochs,
         "num_mini_batches": options.mini_batches,
-        "encoder": SMALL_ENCODER if options.encoder == "small" else None,
+        "encoder": ENCODERS[options.encoder],
     }
     return {name: value for name, value in chosen.items() if value is not None}
 
