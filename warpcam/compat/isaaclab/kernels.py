@@ -67,17 +67,21 @@ def write_caster_hits(
     normals: wp.array2d(dtype=wp.vec3),
     hits_out: wp.array2d(dtype=wp.vec3),
     normals_out: wp.array2d(dtype=wp.vec3),
+    run: wp.int32,
     first: wp.int32,
 ):
-    """Add what drifts along z, and make all infinite where nothing is met."""
-    world, ray = row_and_column(first + wp.tid(), ranges.shape[1])
+    """Add what drifts along z, and make all infinite where nothing is met; a thread writes ``run`` rays."""
+    count = ranges.shape[1]
+    world, start = row_and_column(first + wp.tid(), (count + run - 1) // run)
     none = wp.vec3(wp.inf, wp.inf, wp.inf)
-    if wp.isfinite(ranges[world, ray]):
-        hits_out[world, ray] = points[world, ray] + wp.vec3(0.0, 0.0, ray_drift[world][2])
-        normals_out[world, ray] = normals[world, ray]
-    else:
-        hits_out[world, ray] = none
-        normals_out[world, ray] = none
+    up = wp.vec3(0.0, 0.0, ray_drift[world][2])
+    for ray in range(start * run, wp.min(start * run + run, count)):
+        if wp.isfinite(ranges[world, ray]):
+            hits_out[world, ray] = points[world, ray] + up
+            normals_out[world, ray] = normals[world, ray]
+        else:
+            hits_out[world, ray] = none
+            normals_out[world, ray] = none
 
 
 @wp.struct

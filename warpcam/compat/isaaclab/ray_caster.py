@@ -18,6 +18,7 @@ from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.lidar import ALIGNMENTS, Alignment
+from warpcam.sensors.scan_renderer import CPU_RUN
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +133,9 @@ class RayCaster:
         found = [wp.from_torch(scan[name].view(worlds, self.num_rays, 3), wp.vec3) for name in ("points", "normals")]
         distances = scan["ranges"].view(worlds, self.num_rays)
         inputs = [mount.ray_drift, found[0], wp.from_torch(distances), found[1], hits, normals]
-        self._write = bind_launch(kernels.write_caster_hits, worlds * self.num_rays, inputs, device)
+        run = 1 if device.is_cuda else CPU_RUN
+        threads = worlds * -(-self.num_rays // run)
+        self._write = bind_launch(kernels.write_caster_hits, threads, [*inputs, run], device)
         self._write.prepare()
         self._rotations = torch_interop.to_torch(mount.rotations)
         self._data = RayCasterData(
