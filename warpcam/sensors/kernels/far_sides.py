@@ -12,9 +12,9 @@ from warpcam.sensors.kernels.scan_measurement import TracedScan
 from warpcam.sensors.kernels.scan_poses import ScanPoses
 from warpcam.sensors.kernels.scan_rays import ScanRays
 
-RUN = 32  # rays of a thread
-# On a CPU, where a thread looks at all shapes one after another: rays that begin in one place, and rays that do not, of
-# which more have more shapes around them.
+# Rays of a thread, which looks at all shapes one after another: of rays that begin in one place, and of others, of
+# which more have more shapes around them. A GPU would have too few threads with as many rays as a CPU.
+RUN, RUN_WITH_ORIGINS = 256, 32
 CPU_RUN, CPU_RUN_WITH_ORIGINS = 1024, 256
 
 meet_far_sides = make_kernel(
@@ -90,5 +90,5 @@ def bind_table_far_sides(
 def _length(has_origins: bool, device: wp.Device) -> int:
     """Rays of a thread."""
     if device.is_cuda:
-        return RUN
+        return RUN_WITH_ORIGINS if has_origins else RUN
     return CPU_RUN_WITH_ORIGINS if has_origins else CPU_RUN
