@@ -4,7 +4,7 @@ A G1 with a height scan of 16 x 11 rays on its pelvis, of the terrain alone, and
 sees all that is drawn, on hills (a height field) and on blocks (900 boxes). All read the same state, in turns: mjlab's
 ``SensorContext`` as ``Simulation.sense`` does it, in a CUDA graph; what Isaac Lab's ray caster for Newton runs, in a
 CUDA graph; and warpcam's sensors. A time is the median of rounds, of which each reads some times over and waits for
-the device once.
+the device once; on a CPU it is processor time, of all threads, which other work on the machine changes less.
 """
 
 import argparse
@@ -181,18 +181,19 @@ def compare(
     ours = readers["warpcam"] = Warpcam(shared, settings, str(device))
     times: dict[str, list[float]] = {name: [] for name in readers}
     agreeing: dict[str, list[float]] = {name: [] for name in peers}
+    clock = time.perf_counter if device.is_cuda else time.process_time
     for number in range(rounds + 1):
         shared.d.qpos.assign(shared.positions(number % POSES))
         mjw.kinematics(shared.m, shared.d)
         for name, reader in readers.items():
             reader.place(number % POSES)
             wp.synchronize_device(device)
-            start = time.perf_counter()
+            start = clock()
             for _ in range(repeats):
                 reader.read()
             wp.synchronize_device(device)
             if number > 0:
-                times[name].append(1e3 * (time.perf_counter() - start) / repeats)
+                times[name].append(1e3 * (clock() - start) / repeats)
         for name in peers:
             expected = readers[name].distances
             same = (ours.distances - expected).abs() <= TOLERANCE * expected.abs().clamp(min=1.0)
