@@ -1,18 +1,20 @@
-"""Ray-cast sensors beside mjlab's own: ``python -m warpcam.benchmarks.ray_casts``.
+"""Ray-cast sensors beside mjlab's and Isaac Lab's own: ``python -m warpcam.benchmarks.ray_casts``.
 
 A G1 with a height scan of 16 x 11 rays on its pelvis, of the terrain alone, and a lidar of 32 x 360 on its torso that
-sees all that is drawn, on hills (a height field) and on blocks (900 boxes). Both read the same state, in turns: mjlab's
-``SensorContext`` as ``Simulation.sense`` does it, in a CUDA graph, and warpcam's sensors. A time is the median of
-rounds, of which each reads some times over and waits for the device once.
+sees all that is drawn, on hills (a height field) and on blocks (900 boxes). All read the same state, in turns: mjlab's
+``SensorContext`` as ``Simulation.sense`` does it, in a CUDA graph; what Isaac Lab's ray caster for Newton runs, in a
+CUDA graph; and warpcam's sensors. A time is the median of rounds, of which each reads some times over and waits for
+the device once; on a CPU it is processor time, of all threads, which other work on the machine changes less.
 """
 
 import argparse
 import json
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from importlib.util import find_spec
+from typing import Any, Protocol
 
 import mujoco
 import mujoco_warp as mjw
@@ -94,6 +96,14 @@ class Mjlab:
                 self._cast()
             self._graph = capture.graph
 
+    def place(self, index: int) -> None:
+        """Nothing: it reads MuJoCo-Warp's data."""
+
+    @property
+    def distances(self) -> torch.Tensor:
+        """(world, ray) [m], -1 where nothing is met."""
+        return torch.cat([sensor.data.distances for sensor in self.sensors], dim=1)
+
     def read(self) -> None:
         self._context.prepare()
         if self._graph is None:
@@ -117,43 +127,88 @@ class Warpcam:
             sensor.initialize(shared.mjm, shared.m, shared.d, device)
         self._simulation = sensors_of(shared.mjm, shared.m, shared.d)
 
+    def place(self, index: int) -> None:
+        """Nothing: it reads MuJoCo-Warp's data."""
+
+    @property
+    def distances(self) -> torch.Tensor:
+        """(world, ray) [m], -1 where nothing is met."""
+        return torch.cat([sensor.data.distances for sensor in self.sensors], dim=1)
+
     def read(self) -> None:
         self._simulation.render()
 
 
+class Reader(Protocol):
+    """What reads sensors: ``place`` goes to a set of poses before time is taken."""
+
+    def place(self, index: int) -> None: ...
+
+    def read(self) -> None: ...
+
+    @property
+    def distances(self) -> torch.Tensor: ...
+
+
+def isaaclab(shared: problem.Problem, settings: dict[str, dict[str, Any]], device: str) -> Reader:
+    """Isaac Lab's, which needs it and Newton."""
+    from warpcam.benchmarks.peers.isaaclab_rays import IsaacLab
+
+    return IsaacLab(shared, settings, device)
+
+
+PEERS: dict[str, Callable[[problem.Problem, dict[str, dict[str, Any]], str], Reader]] = {
+    "mjlab": Mjlab,
+    "isaaclab": isaaclab,
+}
+
+INSTALLED = [name for name in PEERS if find_spec(name)]
+
+
 def compare(
-    terrain: str, settings: dict[str, dict[str, Any]], worlds: int, rounds: int, repeats: int, device: wp.Device
+    terrain: str,
+    settings: dict[str, dict[str, Any]],
+    worlds: int,
+    rounds: int,
+    repeats: int,
+    device: wp.Device,
+    peers: Sequence[str],
 ) -> dict[str, Any]:
-    """Medians of both [ms], how many times longer mjlab's take, and how many distances agree."""
+    """Medians [ms], how many times longer those of peers are, and how many of their distances are ours."""
     case = replace(cases.CASES["g1_terrain"], name=f"g1_{terrain}", spec=TERRAINS[terrain])
     shared = problem.build(case, worlds, 16, 16)
-    readers: dict[str, Mjlab | Warpcam] = {
-        "mjlab": Mjlab(shared, settings, str(device)),
-        "warpcam": Warpcam(shared, settings, str(device)),
-    }
+    readers: dict[str, Reader] = {name: PEERS[name](shared, settings, str(device)) for name in peers}
+    ours = readers["warpcam"] = Warpcam(shared, settings, str(device))
     times: dict[str, list[float]] = {name: [] for name in readers}
-    agreeing = []
+    agreeing: dict[str, list[float]] = {name: [] for name in peers}
+    clock = time.perf_counter if device.is_cuda else time.process_time
     for number in range(rounds + 1):
         shared.d.qpos.assign(shared.positions(number % POSES))
         mjw.kinematics(shared.m, shared.d)
         for name, reader in readers.items():
+            reader.place(number % POSES)
             wp.synchronize_device(device)
-            start = time.perf_counter()
+            start = clock()
             for _ in range(repeats):
                 reader.read()
             wp.synchronize_device(device)
             if number > 0:
-                times[name].append(1e3 * (time.perf_counter() - start) / repeats)
-        expected, found = (
-            torch.cat([sensor.data.distances for sensor in reader.sensors], dim=1) for reader in readers.values()
-        )
-        agreeing.append(((found - expected).abs() <= TOLERANCE * expected.abs().clamp(min=1.0)).float().mean().item())
-    medians = {f"{name}_ms": statistics.median(each) for name, each in times.items()}
-    spread = {f"{name}_ms_range": [min(each), max(each)] for name, each in times.items()}
-    rays = sum(sensor.num_rays for sensor in readers["warpcam"].sensors)
-    ratio = medians["mjlab_ms"] / medians["warpcam_ms"]
-    found_rays = {"rays_per_world": rays, "agreeing": statistics.mean(agreeing), "ratio": ratio}
-    return {"terrain": terrain, "sensors": list(settings), "worlds": worlds, **medians, **spread, **found_rays}
+                times[name].append(1e3 * (clock() - start) / repeats)
+        for name in peers:
+            expected = readers[name].distances
+            same = (ours.distances - expected).abs() <= TOLERANCE * expected.abs().clamp(min=1.0)
+            agreeing[name].append(same.float().mean().item())
+    medians = {name: statistics.median(each) for name, each in times.items()}
+    return {
+        "terrain": terrain,
+        "sensors": list(settings),
+        "worlds": worlds,
+        "rays_per_world": ours.distances.shape[1],
+        **{f"{name}_ms": median for name, median in medians.items()},
+        **{f"{name}_ms_range": [min(each), max(each)] for name, each in times.items()},
+        "agreeing": {name: statistics.mean(each) for name, each in agreeing.items()},
+        "ratio": {name: medians[name] / medians["warpcam"] for name in peers},
+    }
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -163,6 +218,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--repeats", type=int, default=None, help="reads of a round: 10; on a CPU 1")
     parser.add_argument("--terrain", nargs="+", choices=TERRAINS, default=list(TERRAINS))
+    parser.add_argument("--peers", nargs="+", choices=PEERS, default=INSTALLED, help="those that are installed")
     parser.add_argument("--out", help="JSON file")
     options = parser.parse_args(arguments)
     device = wp.get_device(options.device)
@@ -174,12 +230,12 @@ def main(arguments: list[str] | None = None) -> None:
         for terrain in options.terrain:
             for names in ([*SENSORS], *([name] for name in SENSORS)):
                 settings = {name: SENSORS[name] for name in names}
-                result = compare(terrain, settings, worlds, options.rounds, repeats, device)
+                result = compare(terrain, settings, worlds, options.rounds, repeats, device, options.peers)
                 report["results"].append(result)
-                print(
-                    f"{terrain}, {' and '.join(names)}, {worlds} worlds: mjlab {result['mjlab_ms']:.3f} ms, warpcam "
-                    f"{result['warpcam_ms']:.3f} ms, {result['ratio']:.1f}x, {100 * result['agreeing']:.2f} % agree"
-                )
+                print(f"{terrain}, {' and '.join(names)}, {worlds} worlds: warpcam {result['warpcam_ms']:.3f} ms")
+                for peer in options.peers:
+                    same, ratio = 100.0 * result["agreeing"][peer], result["ratio"][peer]
+                    print(f"  {peer} {result[f'{peer}_ms']:.3f} ms, {ratio:.1f}x, {same:.2f} % agree", flush=True)
                 if options.out:
                     with open(options.out, "w") as file:
                         json.dump(report, file, indent=1)

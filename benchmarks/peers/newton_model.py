@@ -5,16 +5,18 @@ knows no lights.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import newton
 import numpy as np
 import warp as wp
-from newton.sensors import SensorCamera
 
 from warpcam.benchmarks.cases import Cloth
 from warpcam.benchmarks.problem import Problem
+
+if TYPE_CHECKING:  # Newton 1.6, of Isaac Lab, has it under another name
+    from newton.sensors import SensorCamera
 
 GEOM = mujoco.mjtGeom
 SPOTLIGHT, DIRECTIONAL = 0, 1  # Newton's numbers for kinds of lights
@@ -40,8 +42,13 @@ class Built:
     lacks: tuple[str, ...]
 
 
-def build_model(problem: Problem) -> Built:
-    """Planes and height fields of the ground are in all worlds at once, as in Newton's own benchmarks."""
+def build_model(problem: Problem, fields_as_meshes: bool = False) -> Built:
+    """Planes and height fields of the ground are in all worlds at once, as in Newton's own benchmarks.
+
+    Args:
+        problem: What is built.
+        fields_as_meshes: Height fields are meshes, of MuJoCo's triangles.
+    """
     mjm = problem.mjm
     mjd = mujoco.MjData(mjm)
     mujoco.mj_kinematics(mjm, mjd)
@@ -55,7 +62,7 @@ def build_model(problem: Problem) -> Built:
     moving = [int(body) for body in np.unique(mjm.geom_bodyid[drawn[is_moving[drawn]]])]
     links = {body: world.add_link(xform=transform(mjd.xpos[body], mjd.xquat[body]), mass=1.0) for body in moving}
     share_all = int((~is_moving[drawn]).sum()) > ROOM
-    shapes = Shapes(problem)
+    shapes = Shapes(problem, fields_as_meshes)
     for_all: list[int] = []
     for_each: list[int] = []
     for geom in (int(g) for g in drawn):
@@ -108,8 +115,9 @@ def transform(position: np.ndarray, quaternion: np.ndarray) -> wp.transform:
 class Shapes:
     """Adds MuJoCo geoms as things to see, without mass or contact; meshes are shared."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, fields_as_meshes: bool) -> None:
         self.mjm, self.colors = problem.mjm, problem.colors()
+        self.fields_as_meshes = fields_as_meshes
         self.meshes: dict[tuple[int, int], newton.Mesh] = {}
         self.textured_primitives: list[int] = []
         self.textured_meshes: list[int] = []
@@ -138,6 +146,8 @@ class Shapes:
             builder.add_shape_box(body, hx=x, hy=y, hz=z, **common)
         elif kind == GEOM.mjGEOM_MESH:
             builder.add_shape_mesh(body, mesh=self.mesh(int(mjm.geom_dataid[geom]), texture), **common)
+        elif kind == GEOM.mjGEOM_HFIELD and self.fields_as_meshes:
+            builder.add_shape_mesh(body, mesh=self.field_mesh(int(mjm.geom_dataid[geom])), **common)
         elif kind == GEOM.mjGEOM_HFIELD:
             builder.add_shape_heightfield(heightfield=self.heights(int(mjm.geom_dataid[geom])), **common)
         else:
@@ -182,8 +192,20 @@ class Shapes:
         bounds = {"min_z": top * float(data.min()), "max_z": top * float(data.max())}
         return newton.Heightfield(data, int(rows), int(columns), hx, hy, **bounds)
 
+    def field_mesh(self, asset: int) -> newton.Mesh:
+        """The top of a height field: two triangles a cell, whose common edge runs up in x and in y."""
+        mjm = self.mjm
+        rows, columns, start = mjm.hfield_nrow[asset], mjm.hfield_ncol[asset], mjm.hfield_adr[asset]
+        hx, hy, top, _ = (float(s) for s in mjm.hfield_size[asset])
+        x, y = np.meshgrid(np.linspace(-hx, hx, columns), np.linspace(-hy, hy, rows))
+        points = np.stack((x, y, top * mjm.hfield_data[start : start + rows * columns].reshape(rows, columns)), -1)
+        corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        right, up = corner + 1, corner + columns
+        faces = np.concatenate((np.stack((corner, right, up + 1), -1), np.stack((corner, up + 1, up), -1)))
+        return newton.Mesh(points.reshape(-1, 3), faces.ravel().astype(np.int32), compute_inertia=False)
 
-def light_scene(sensor: SensorCamera, problem: Problem) -> tuple[str, ...]:
+
+def light_scene(sensor: "SensorCamera", problem: Problem) -> tuple[str, ...]:
     """Give the sensor the scene's lights, as they are in the first world; returns what it lacks.
 
     Its public interface makes one directional light, though its kernels take any number of both kinds. The rest are

@@ -17,9 +17,9 @@ CLOTH_ID = -3  # in images that are compared
 class NewtonWorlds:
     """The model, and a state that `place` moves: each set is turned into Newton's form beforehand."""
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, fields_as_meshes: bool = False) -> None:
         self.problem = problem
-        self.built = build_model(problem)
+        self.built = build_model(problem, fields_as_meshes)
         self.model: newton.Model = self.built.model
         self.state = self.model.state()
         self.bodies = [self._body_poses(index) for index in range(POSE_SETS)]

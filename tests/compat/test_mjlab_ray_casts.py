@@ -226,15 +226,20 @@ def test_rays_lie_in_rows_as_images_are_traced(pattern: Any, columns: int) -> No
     assert columns_of(*(table.numpy() for table in pattern.generate_rays(None, "cpu"))) == columns
 
 
-def test_the_benchmark_compares_both(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("terrain", ["blocks", "hills"])
+def test_the_benchmark_compares_all(tmp_path: Path, capsys: pytest.CaptureFixture[str], terrain: str) -> None:
+    for name in ("isaaclab", "lazy_loader"):
+        pytest.importorskip(name, reason=HOW)
     out = tmp_path / "rays.json"
     ray_casts.main(
-        ["--device", "cpu", "--worlds", "1", "--rounds", "1", "--terrain", "blocks", "--out", str(out)],
+        ["--device", "cpu", "--worlds", "1", "--rounds", "1", "--terrain", terrain, "--out", str(out)],
     )
     results = json.loads(out.read_text())["results"]
     assert [result["rays_per_world"] for result in results] == [176 + 32 * 360, 176, 32 * 360]
-    assert all(result["agreeing"] > 0.999 and result["ratio"] > 0.0 for result in results)
-    assert capsys.readouterr().out.count("% agree") == 3
+    for result in results:
+        assert set(result["agreeing"]) == set(result["ratio"]) == {"mjlab", "isaaclab"}
+        assert min(result["agreeing"].values()) > 0.999 and min(result["ratio"].values()) > 0.0
+    assert capsys.readouterr().out.count("% agree") == 2 * 3
 
 
 def test_kernels_compile_for_cuda(tmp_path: Path) -> None:

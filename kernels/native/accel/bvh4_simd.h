@@ -91,8 +91,8 @@ struct MeshRays {
     const float *nodes, *faces;
     float scale[3][WARP_SIZE], in[3][WARP_SIZE],
         out[3][WARP_SIZE];  // see Slabs; which of a box's planes is met first is known
-    int first[3][WARP_SIZE];                                 // rows from a node's lower planes to these
-    float frame[12][WARP_SIZE];                              // see RayFrame
+    int enters[3][WARP_SIZE], leaves[3][WARP_SIZE];  // floats from a node to its planes that are met first, and last
+    float frame[12][WARP_SIZE];  // see RayFrame
     float near[WARP_SIZE], depth[WARP_SIZE];
     int face[WARP_SIZE];  // the nearest so far, or -1
     // Traversal stacks, nearest entry on top: children of nodes, and the bits of the entry distance without the lowest
@@ -110,7 +110,11 @@ struct MeshRays {
         scale[0][ray] = s.scale.x, scale[1][ray] = s.scale.y, scale[2][ray] = s.scale.z;
         in[0][ray] = x ? s.up.x : s.down.x, in[1][ray] = y ? s.up.y : s.down.y, in[2][ray] = z ? s.up.z : s.down.z;
         out[0][ray] = x ? s.down.x : s.up.x, out[1][ray] = y ? s.down.y : s.up.y, out[2][ray] = z ? s.down.z : s.up.z;
-        first[0][ray] = x ? 3 : 0, first[1][ray] = y ? 3 : 0, first[2][ray] = z ? 3 : 0;
+        const bool back[3] = { x, y, z };
+        for (int axis = 0; axis < 3; ++axis) {
+            enters[axis][ray] = 4 * (back[axis] ? axis + 3 : axis);
+            leaves[axis][ray] = 4 * (back[axis] ? axis : axis + 3);
+        }
         frame[0][ray] = f.origin.x, frame[1][ray] = f.origin.y, frame[2][ray] = f.origin.z;
         frame[3][ray] = f.across.x, frame[4][ray] = f.across.y, frame[5][ray] = f.across.z;
         frame[6][ray] = f.up.x, frame[7][ray] = f.up.y, frame[8][ray] = f.up.z;
@@ -132,7 +136,8 @@ struct MeshRays {
             put(scale[axis] + first_ray, rate);
             put(in[axis] + first_ray, back ? up : down);
             put(out[axis] + first_ray, back ? down : up);
-            put(first[axis] + first_ray, back & 3);
+            put(enters[axis] + first_ray, 4 * axis + (back & 12));
+            put(leaves[axis] + first_ray, 4 * axis + (~back & 12));
             put(frame[axis] + first_ray, from_origin[axis]);
             put(frame[3 * axis + 3] + first_ray, rows[axis].x);
             put(frame[3 * axis + 4] + first_ray, rows[axis].y);
@@ -163,14 +168,13 @@ struct MeshRays {
     {
         const int top = height[ray];
         const float* rows = nodes + size_t(unsigned(child[ray][top])) * NODE;
-        const auto planes = [&](int axis, int row, const float (&offset)[3][WARP_SIZE]) {
-            return muladd4(load_float4(rows + 4 * (axis + row)), scale[axis][ray], offset[axis][ray]);
+        const auto planes = [&](int axis, const int (&places)[3][WARP_SIZE], const float (&offset)[3][WARP_SIZE]) {
+            return muladd4(load_float4(rows + unsigned(places[axis][ray])), scale[axis][ray], offset[axis][ray]);
         };
-        const int x = first[0][ray], y = first[1][ray], z = first[2][ray];
-        const Float4 enter =
-            upper4(upper4(planes(0, x, in), planes(1, y, in)), upper4(planes(2, z, in), (Float4)near[ray]));
-        const Float4 t_far = lower4(lower4(planes(0, 3 - x, out), planes(1, 3 - y, out)),
-                                    lower4(planes(2, 3 - z, out), (Float4)depth[ray]));
+        const Float4 enter = upper4(upper4(planes(0, enters, in), planes(1, enters, in)),
+                                    upper4(planes(2, enters, in), (Float4)near[ray]));
+        const Float4 t_far = lower4(lower4(planes(0, leaves, out), planes(1, leaves, out)),
+                                    lower4(planes(2, leaves, out), (Float4)depth[ray]));
         const Int4 met = enter <= t_far;
         const Int4 keys = sorted4(((Int4)enter & 0x7ffffffc) | Int4 { 0, 1, 2, 3 } | ~met);
         store_float4(child[ray] + top, pick4((Int4)load_float4(rows + 4 * 6), keys));

@@ -5,8 +5,6 @@
 
 namespace warpcam {
 
-constexpr int EXIT_RUN = 32;  // rays of a thread; warpcam/sensors/kernels/far_sides.py has the same
-
 // A shape that rays leave by an exit, as those in its own frame are tested against it.
 struct SolidShape {
     Shape shape;
@@ -134,23 +132,23 @@ WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials,
     }
 }
 
-// Runs of rays in the order of worlds; a thread for each.
+// Runs of so many rays in the order of worlds; a thread for each.
 struct ExitRun {
     int world, first, end;
 };
 
-WARPCAM_DEVICE ExitRun exit_run(int count, int index)
+WARPCAM_DEVICE ExitRun exit_run(int count, int length, int index)
 {
-    const int runs = (count + EXIT_RUN - 1) / EXIT_RUN, first = index % runs * EXIT_RUN;
-    return { index / runs, first, min(first + EXIT_RUN, count) };
+    const int runs = (count + length - 1) / length, first = index % runs * length;
+    return { index / runs, first, min(first + length, count) };
 }
 
 template <class Mask, class Ranges, class Shapes, class Materials, class Rays, class Poses, class Traced>
 WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Ranges& max_range, const Shapes& shapes,
                                    const Materials& materials, const Rays& rays, const Poses& poses,
-                                   const Traced& traced, int index)
+                                   const Traced& traced, int length, int index)
 {
-    const ExitRun run = exit_run(rays.rows * rays.columns, index);
+    const ExitRun run = exit_run(rays.rows * rays.columns, length, index);
     if (wp::index(mask, run.world))
         find_exits(shapes, materials, RaysOfLidar<Rays, Poses> { rays, poses, run.world }, traced,
                    wp::index(max_range, run.world), run.world, run.first, run.end);
@@ -159,9 +157,9 @@ WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Ranges& max_range, co
 // `first_row`: floats of the table before those of pixels.
 template <class Shapes, class Materials, class Table, class Traced>
 WARPCAM_DEVICE void meet_far_sides_of_table(const Shapes& shapes, const Materials& materials, const Table& table,
-                                            int first_row, int count, const Traced& traced, int index)
+                                            int first_row, int count, const Traced& traced, int length, int index)
 {
-    const ExitRun run = exit_run(count, index);
+    const ExitRun run = exit_run(count, length, index);
     const RaysOfTable rays { wp::address(table, run.world, first_row) };
     find_exits(shapes, materials, rays, traced, MISS, run.world, run.first, run.end);
 }

@@ -1,9 +1,8 @@
 """Isaac Lab's ray casters, over any scene of warpcam; neither Isaac Lab nor a simulator of its own is needed."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import torch
@@ -14,14 +13,12 @@ from warpcam import sensors
 from warpcam.compat.common.rows import columns_of
 from warpcam.compat.common.scalars import real
 from warpcam.compat.isaaclab import kernels
+from warpcam.compat.isaaclab.ray_caster_fields import Quaternions, body_of, check_fields, offset_numbers, offset_turn
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.lidar import ALIGNMENTS, Alignment
-
-Quaternions = Literal["xyzw", "wxyz"]
-# Fields that say what is not offered here, by the value that asks for nothing.
-NEUTRAL = {"update_period": 0.0, "global_world_only": False, "debug_vis": False, "history_length": 0}
+from warpcam.sensors.scan_renderer import CPU_RUN
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,17 +91,17 @@ class RayCaster:
         quaternions: Quaternions = "xyzw",
     ):
         self.cfg, self._order = cfg, quaternions
-        if quaternions not in get_args(Quaternions):
-            raise WarpcamError(f"RayCaster: quaternions is {quaternions!r}; allowed are 'xyzw' and 'wxyz'")
-        _check(cfg)
-        body = scene.body(str(cfg.prim_path).rstrip("/").rsplit("/", 1)[-1], "RayCaster: prim_path")
+        check_fields(cfg, "RayCaster", quaternions)
+        _check_pattern(cfg)
+        body = body_of(cfg, scene, "RayCaster")
         device, worlds = scene.device, scene.num_worlds
         starts, directions = (
             torch_interop.to_numpy(table).astype(np.float32)
             for table in cfg.pattern_cfg.func(cfg.pattern_cfg, str(torch_interop.device_of(device)))
         )
         self.num_rays = len(directions)
-        directions = directions @ _matrix(cfg, quaternions).T
+        turn = np.array(wp.quat_to_matrix(offset_turn(cfg, quaternions, "RayCaster")), np.float32).reshape(3, 3)
+        directions = directions @ turn.T
         alignment = getattr(cfg, "ray_alignment", "base")
         if alignment == "yaw" and np.abs(directions[:, :2]).max() > 1e-6 * np.abs(directions).max():
             raise WarpcamError(
@@ -116,7 +113,7 @@ class RayCaster:
         origins = starts.reshape(rows) if starts.any() else None
         mount = kernels.CasterMount()
         mount.body, mount.alignment = body, ALIGNMENTS[alignment]
-        mount.offset = wp.vec3(*_offset(cfg, "pos", (0.0, 0.0, 0.0)))
+        mount.offset = wp.vec3(*offset_numbers(cfg, "pos", (0.0, 0.0, 0.0), "RayCaster"))
         mount.drift, mount.ray_drift, mount.positions = (
             wp.zeros(worlds, dtype=wp.vec3, device=device) for _ in range(3)
         )
@@ -136,7 +133,9 @@ class RayCaster:
         found = [wp.from_torch(scan[name].view(worlds, self.num_rays, 3), wp.vec3) for name in ("points", "normals")]
         distances = scan["ranges"].view(worlds, self.num_rays)
         inputs = [mount.ray_drift, found[0], wp.from_torch(distances), found[1], hits, normals]
-        self._write = bind_launch(kernels.write_caster_hits, worlds * self.num_rays, inputs, device)
+        run = 1 if device.is_cuda else CPU_RUN
+        threads = worlds * -(-self.num_rays // run)
+        self._write = bind_launch(kernels.write_caster_hits, threads, [*inputs, run], device)
         self._write.prepare()
         self._rotations = torch_interop.to_torch(mount.rotations)
         self._data = RayCasterData(
@@ -184,46 +183,12 @@ class RayCaster:
             self.ray_cast_drift[env_ids, axis] = drawn
 
 
-def _check(cfg: Any) -> None:
-    """Raise for fields that are missing or ask for what is not offered."""
-    for name in ("prim_path", "pattern_cfg"):
-        if not hasattr(cfg, name):
-            raise WarpcamError(f"RayCaster: cfg has no {name}")
+def _check_pattern(cfg: Any) -> None:
+    """Raise for a pattern or an alignment that gives no list of rays."""
     if hasattr(cfg.pattern_cfg, "focal_length"):
-        raise WarpcamError(
-            "RayCaster: pattern_cfg is a pinhole camera's; a warpcam.Camera with that lens gives its images"
-        )
+        raise WarpcamError("RayCaster: pattern_cfg is a pinhole camera's, which RayCasterCamera takes")
     if not callable(getattr(cfg.pattern_cfg, "func", None)):
         raise WarpcamError("RayCaster: pattern_cfg has no func, which gives starts and directions of rays")
-    for name, neutral in NEUTRAL.items():
-        if getattr(cfg, name, neutral) != neutral:
-            raise WarpcamError(f"RayCaster: {name} is {getattr(cfg, name)!r}; allowed is {neutral!r}")
     if getattr(cfg, "ray_alignment", "base") not in get_args(Alignment):
         allowed = ", ".join(map(repr, get_args(Alignment)))
         raise WarpcamError(f"RayCaster: ray_alignment is {cfg.ray_alignment!r}; allowed are {allowed}")
-    if not real(getattr(cfg, "max_distance", 1e6)) > 0.0:
-        raise WarpcamError(f"RayCaster: max_distance must be a positive number [m], got {cfg.max_distance!r}")
-    if getattr(cfg, "mesh_prim_paths", ()):
-        warnings.warn(
-            "RayCaster: mesh_prim_paths is not read: rays meet all shapes of the scene but those of exclude_bodies",
-            stacklevel=3,
-        )
-
-
-def _offset(cfg: Any, name: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    given = getattr(getattr(cfg, "offset", None), name, default)
-    numbers = tuple(real(value) for value in given)
-    if len(numbers) != len(default) or not np.isfinite(numbers).all():
-        raise WarpcamError(f"RayCaster: offset.{name} must be {len(default)} numbers, got {given!r}")
-    return numbers
-
-
-def _matrix(cfg: Any, quaternions: str) -> np.ndarray:
-    """The rotation of ``offset.rot``."""
-    identity = (0.0, 0.0, 0.0, 1.0) if quaternions == "xyzw" else (1.0, 0.0, 0.0, 0.0)
-    rotation = np.array(_offset(cfg, "rot", identity))
-    if not rotation.any():
-        raise WarpcamError(f"RayCaster: offset.rot must not be of length 0, got {cfg.offset.rot!r}")
-    turn = rotation if quaternions == "xyzw" else np.roll(rotation, -1)
-    matrix: np.ndarray = np.array(wp.quat_to_matrix(wp.normalize(wp.quat(*map(float, turn)))), np.float32).reshape(3, 3)
-    return matrix

@@ -55,14 +55,21 @@ def write_hits(
     distances_out: wp.array2d(dtype=wp.float32),
     normals_out: wp.array2d(dtype=wp.vec3),
     hits_out: wp.array2d(dtype=wp.vec3),
+    run: wp.int32,
     first: wp.int32,
 ):
-    """Write what the rays of a frame meet, from ``first_ray`` on: of a ray that misses its start is the hit."""
-    world, ray = row_and_column(first + wp.tid(), ranges.shape[1])
+    """Write what the rays of a frame meet, from ``first_ray`` on: of a ray that misses its start is the hit.
+
+    A thread writes ``run`` rays, one after another.
+    """
+    count = ranges.shape[1]
+    world, start = row_and_column(first + wp.tid(), (count + run - 1) // run)
+    position = mount_positions[world]
     turn = mount_rotations[world]
     rotation = wp.quat(turn[1], turn[2], turn[3], turn[0])
-    distance = ranges[world, ray]
-    along = starts[ray] + wp.max(distance, 0.0) * directions[ray]
-    distances_out[world, first_ray + ray] = distance
-    normals_out[world, first_ray + ray] = normals[world, ray]
-    hits_out[world, first_ray + ray] = mount_positions[world] + wp.quat_rotate(rotation, along)
+    for ray in range(start * run, wp.min(start * run + run, count)):
+        distance = ranges[world, ray]
+        along = starts[ray] + wp.max(distance, 0.0) * directions[ray]
+        distances_out[world, first_ray + ray] = distance
+        normals_out[world, first_ray + ray] = normals[world, ray]
+        hits_out[world, first_ray + ray] = position + wp.quat_rotate(rotation, along)

@@ -17,6 +17,7 @@ from warpcam.core import torch_interop
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.sensors.lidar import ALIGNMENTS
+from warpcam.sensors.scan_renderer import CPU_RUN
 
 MISS = -1.0
 PLACES = {"body": ("xpos", "xmat"), "site": ("site_xpos", "site_xmat"), "geom": ("geom_xpos", "geom_xmat")}
@@ -107,7 +108,8 @@ class FrameRays:
         rays = [wp.array(table, dtype=wp.vec3, device=device) for table in (offsets, directions)]
         met = [_as(scan["ranges"], (worlds, count), wp.float32), _as(scan["normals"], (worlds, count, 3), wp.vec3)]
         inputs = [*mount, *rays, *met, number * count, hits.distances, hits.normals, hits.positions]
-        self._write = bind_launch(kernels.write_hits, worlds * count, inputs, device)
+        run = 1 if device.is_cuda else CPU_RUN
+        self._write = bind_launch(kernels.write_hits, worlds * -(-count // run), [*inputs, run], device)
         for stage in self.stages:
             stage.prepare()
 

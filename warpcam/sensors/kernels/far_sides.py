@@ -12,11 +12,14 @@ from warpcam.sensors.kernels.scan_measurement import TracedScan
 from warpcam.sensors.kernels.scan_poses import ScanPoses
 from warpcam.sensors.kernels.scan_rays import ScanRays
 
-RUN = 32  # rays of a thread
+# Rays of a thread, which looks at all shapes one after another: of rays that begin in one place, and of others, of
+# which more have more shapes around them. A GPU would have too few threads with as many rays as a CPU.
+RUN, RUN_WITH_ORIGINS = 256, 32
+CPU_RUN, CPU_RUN_WITH_ORIGINS = 1024, 256
 
 meet_far_sides = make_kernel(
     "meet_far_sides",
-    "warpcam::meet_far_sides(mask, max_range, shapes, materials, rays, poses, traced, index);",
+    "warpcam::meet_far_sides(mask, max_range, shapes, materials, rays, poses, traced, length, index);",
     {
         "mask": wp.array(dtype=wp.uint8),
         "max_range": wp.array(dtype=wp.float32),
@@ -25,6 +28,7 @@ meet_far_sides = make_kernel(
         "rays": ScanRays,
         "poses": ScanPoses,
         "traced": TracedScan,
+        "length": wp.int32,
     },
     native_module("sensors/far_sides.h"),
 )
@@ -32,7 +36,7 @@ meet_far_sides = make_kernel(
 
 meet_far_sides_of_table = make_kernel(
     "meet_far_sides_of_table",
-    "warpcam::meet_far_sides_of_table(shapes, materials, table, first_row, count, traced, index);",
+    "warpcam::meet_far_sides_of_table(shapes, materials, table, first_row, count, traced, length, index);",
     {
         "shapes": Shapes,
         "materials": Materials,
@@ -40,6 +44,7 @@ meet_far_sides_of_table = make_kernel(
         "first_row": wp.int32,
         "count": wp.int32,
         "traced": TracedScan,
+        "length": wp.int32,
     },
     native_module("sensors/far_sides.h"),
 )
@@ -57,8 +62,9 @@ def bind_far_sides(
     device: wp.Device,
 ) -> Stage:
     """The stage that puts far sides in place of what ``traced`` has behind them."""
-    runs = -(-rays.rows * rays.columns // RUN)
-    inputs = [mask, max_range, shapes, materials, rays, poses, traced]
+    length = _length(rays.origins is not None and rays.origins.shape[0] > 0, device)
+    runs = -(-rays.rows * rays.columns // length)
+    inputs = [mask, max_range, shapes, materials, rays, poses, traced, length]
     return bind_launch(meet_far_sides, num_worlds * runs, inputs, device)
 
 
@@ -76,5 +82,13 @@ def bind_table_far_sides(
         count: Rays of each world.
         device: Where it is launched.
     """
-    inputs = [shapes, materials, table, first_row, count, traced]
-    return bind_launch(meet_far_sides_of_table, table.shape[0] * -(-count // RUN), inputs, device)
+    length = _length(True, device)
+    inputs = [shapes, materials, table, first_row, count, traced, length]
+    return bind_launch(meet_far_sides_of_table, table.shape[0] * -(-count // length), inputs, device)
+
+
+def _length(has_origins: bool, device: wp.Device) -> int:
+    """Rays of a thread."""
+    if device.is_cuda:
+        return RUN_WITH_ORIGINS if has_origins else RUN
+    return CPU_RUN_WITH_ORIGINS if has_origins else CPU_RUN
