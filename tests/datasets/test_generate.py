@@ -279,3 +279,28 @@ distractors: {count: [0, 4], low: [-1, -1, 0.5], high: [1, 1, 1], size: [0.1, 0.
     assert len(np.unique(np.round(places, 4), axis=0)) == 4
     assert max(seen) > 3 and len(set(seen)) > 1  # distractors, not the same number in all samples
     assert np.min(places, axis=0)[0] >= 1.0 and np.max(places, axis=0)[0] <= 2.0
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj"])
+def test_distractors_beside_meshes(kind: str, device: wp.Device, tmp_path: Path) -> None:
+    """A ball of a file in its own axes and units; distractors are where the recipe has them, in metres, z up."""
+    trimesh = pytest.importorskip("trimesh", reason="pip install 'warpcam[meshes]'")
+    trimesh.Scene({"mug": trimesh.creation.icosphere(radius=0.3)}).export(tmp_path / f"scene.{kind}")
+    text = """
+cameras: {orbit: {shell: {radius: 5, target: [0, 0, 0], elevation: 0, azimuth: 270}}}
+distractors: {count: [1, 5], low: [1, 0, 1], high: [1, 0, 1], size: [0.1, 0.2]}
+"""
+    plan = plan_of(tmp_path, recipes=text, worlds=4, device=device.alias)
+    plan = dataclasses.replace(plan, scene=str(tmp_path / f"scene.{kind}"))
+    worlds = Worlds(plan)
+    for frame in worlds.draw(range(4)):
+        (ball,) = frame.instances
+        assert frame.classes == (ball.name.rsplit("/", 1)[-1],)
+        others = (frame.ids >= 0) & (frame.ids != ball.id)
+        assert others.any() and frame.mask(ball).any()
+        rows, columns = np.nonzero(others)
+        focal, middle_x, middle_y = frame.intrinsics[1], *frame.intrinsics[2:]
+        depth = frame.depth[others]  # seen from -y: to the right is +x, up is +z
+        x, z = (columns + 0.5 - middle_x) * depth / focal, (middle_y - rows - 0.5) * depth / focal
+        assert np.hypot(x - 1.0, z - 1.0).max() < 0.5 and np.abs(depth - 5.0).max() < 0.5
+        assert np.hypot(x - 1.0, z - 1.0).min() < 0.1

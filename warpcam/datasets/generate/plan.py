@@ -1,13 +1,14 @@
 """A data set before it is made: everything that its samples follow from."""
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
+from warpcam.datasets.generate.image_files import image_files
 from warpcam.datasets.generate.recipes import Recipes
+from warpcam.datasets.generate.scene_files import digest_of, digests
 from warpcam.sources.common import formats
 
 
@@ -92,13 +93,17 @@ class Plan:
     def parameters(self) -> dict[str, Any]:
         """All that samples follow from, as plain values of JSON, by name; what they do not follow from is left out.
 
-        ``count`` is not among them: a data set may grow.
+        ``count`` is not among them: a data set may grow. All files that samples follow from are read for their digests.
         """
         plain = asdict(self)
         for name in ("out", "count", "worlds", "device"):
             del plain[name]
         plain["scene"] = Path(self.scene).name
-        plain["scene_sha256"] = hashlib.sha256(Path(self.scene).read_bytes()).hexdigest()
+        plain["scene_sha256"] = digests(Path(self.scene))
+        for name in ("textures", "backgrounds"):
+            recipe = getattr(self.recipes, name)
+            if recipe is not None:
+                plain[f"{name}_sha256"] = digest_of(image_files(recipe.folder, f"{name}: folder"))
         return json.loads(json.dumps(plain))
 
 

@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,11 @@ class ShardFolder:
     def __init__(self, plan: Plan, root: str):
         self._plan, self.out = plan, Path(plan.out)
         self.root = self.out / root
+
+    @cached_property
+    def parameters(self) -> dict[str, Any]:
+        """The plan's, with the digests of files as they were when they were first asked for."""
+        return self._plan.parameters()
 
     def path(self, shard: int) -> Path:
         """Folder of a finished shard."""
@@ -100,9 +106,8 @@ class ShardFolder:
 
     def write_manifest(self, more: dict[str, Any]) -> None:
         """Write the plan's parameters and more about the data set."""
-        parameters = self._plan.parameters()
         temporary = self.out / f"{MANIFEST}{TEMPORARY}"
-        write_json(temporary, {**more, "count": self._plan.count, "parameters": parameters}, indent=1)
+        write_json(temporary, {**more, "count": self._plan.count, "parameters": self.parameters}, indent=1)
         temporary.replace(self.out / MANIFEST)
 
     def _has_shards(self) -> bool:
@@ -121,7 +126,7 @@ class ShardFolder:
             raise WarpcamError(f"dataset: {str(path)!r} is no manifest: {error}") from None
         if not self._has_shards():  # a run that ended before its first shard
             return
-        if names := different(parameters, self._plan.parameters()):
+        if names := different(parameters, self.parameters):
             raise WarpcamError(
                 f"dataset: folder {str(self.out)!r} has another data set, made with other {', '.join(names)}; give the "
                 "same parameters to go on with it, or another folder"
