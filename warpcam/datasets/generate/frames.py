@@ -13,6 +13,7 @@ class Instance:
         id: In the image of ids.
         name: Of the instance in its scene.
         category: Place of its class in ``Frame.classes``.
+        model: Place of its surface among ``ShardLayout.models``; -1 unless the writer needs them.
         visible_box: x0, y0, x1, y1 [pixels], half-open.
         visible_pixels: Pixels that show it.
         amodal_box: Likewise, of the instance alone.
@@ -34,6 +35,7 @@ class Instance:
     id: int
     name: str
     category: int
+    model: int
     visible_box: tuple[int, int, int, int]
     visible_pixels: int
     amodal_box: tuple[int, int, int, int]

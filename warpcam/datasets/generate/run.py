@@ -124,6 +124,7 @@ def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, pr
         cameras=worlds.cameras,
         classes=worlds.classes,
         keypoint_names=worlds.keypoint_names,
+        models=worlds.models,
         width=plan.width,
         height=plan.height,
         image_format=plan.image_format,

@@ -21,6 +21,7 @@ from warpcam.datasets.generate.file_scene import FileScene
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.image_files import image_files, read_cover
 from warpcam.datasets.generate.mujoco_scene import MujocoScene
+from warpcam.datasets.generate.object_models import ObjectModel, find_models
 from warpcam.datasets.generate.plan import Plan
 from warpcam.datasets.generate.random_numbers import generator, seed_of
 from warpcam.datasets.generate.recipes import Draw
@@ -43,6 +44,7 @@ class Worlds:
     Attributes:
         cameras: Names of the cameras.
         classes: Names of the classes.
+        models: Surfaces of what is labelled; none unless the writer needs them.
         device: Where it draws.
     """
 
@@ -53,6 +55,10 @@ class Worlds:
         self._source: Any = (MujocoScene if kind in formats.MUJOCO else FileScene)(plan, self.device)
         scene: warpcam.Scene = self._source.scene
         self._choose_classes(scene)
+        self.models: tuple[ObjectModel, ...] = ()
+        self._model_of: dict[int, int] = {}
+        if writer.models:
+            self.models, self._model_of = find_models(scene, self._by, self._names, self._category_of, self.classes)
         self._photographs = (
             image_files(self._recipes.backgrounds.folder, "backgrounds: folder") if self._recipes.backgrounds else []
         )
@@ -260,6 +266,7 @@ class Worlds:
             id=number,
             name=self._names[number],
             category=self._category_of[number],
+            model=self._model_of.get(number, -1),
             visible_box=_box(labels["visible_boxes"][row]),
             visible_pixels=int(labels["visible_pixels"][row]),
             amodal_box=_box(labels["amodal_boxes"][row]),
