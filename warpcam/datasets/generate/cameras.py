@@ -41,6 +41,10 @@ def choose_cameras(plan: Plan, scene: warpcam.Scene) -> dict[str, tuple[str | in
         else:
             has = ", ".join(map(repr, known)) or "none"
             raise WarpcamError(f"cameras: {name!r} came without a shell, the cameras of the scene are: {has}")
+    files: dict[str, str] = {}
+    for name in found:
+        if (other := files.setdefault(file_name(name), name)) != name:
+            raise WarpcamError(f"cameras: files of {other!r} and {name!r} would have the same names; leave one away")
     for name, _ in plan.recipes.sensors:
         if name not in found:
             raise WarpcamError(f"sensors: {name!r} is none of the cameras, which are {', '.join(found)}")

@@ -119,6 +119,7 @@ def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, pr
     temporary = folder.begin(shard)
     layout = ShardLayout(
         folder=temporary,
+        index=shard,
         frames=len(samples) * len(worlds.cameras),
         first=samples.start * len(worlds.cameras),
         cameras=worlds.cameras,

@@ -4,6 +4,7 @@ import hashlib
 import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -103,10 +104,15 @@ def _of_obj(path: Path) -> Iterator[Path]:
             if not library.is_file():
                 continue
             yield library
-            text = mtl.text_of(library.read_bytes())
-            materials = mtl.read_libraries([""], lambda _, text=text: text, lambda _: None)
+            materials = mtl.read_libraries([line], partial(_text_of, library), lambda _: None)
             for said in materials.values():
                 yield from _beside(path, [mtl.texture_map(said[key]).file for key in OBJ_MAPS if said.get(key)])
+
+
+def _text_of(library: Path, _: str) -> str:
+    from warpcam.sources.files import mtl
+
+    return mtl.text_of(library.read_bytes())
 
 
 def _of_collada(path: Path) -> Iterator[Path]:

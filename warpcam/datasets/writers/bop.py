@@ -46,7 +46,7 @@ class BopWriter(Writer):
         self._annotations = SceneAnnotations(layout)
         for name in FOLDERS:
             (layout.folder / name).mkdir()
-        if layout.first == 0:
+        if layout.index == 0:
             write_models(layout.folder / MODELS, layout.models)
 
     def encode(self, frame: Frame) -> Any:

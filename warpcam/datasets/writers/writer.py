@@ -19,6 +19,7 @@ class ShardLayout:
 
     Attributes:
         folder: Temporary folder of the shard.
+        index: Number of the shard.
         frames: How many there will be.
         first: Number of the first one.
         cameras: Names of the cameras.
@@ -33,6 +34,7 @@ class ShardLayout:
     """
 
     folder: Path
+    index: int
     frames: int
     first: int
     cameras: tuple[str, ...]
