@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -145,6 +146,62 @@ def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     generate(plan)
     assert shards_of(plan.out) == ["000000", "000001", "000002"]
     assert json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
+
+
+def test_disk_full_in_a_worker(tmp_path: Path, quick: None) -> None:
+    site = tmp_path / "site" / "sitecustomize.py"
+    full = "def full(*_):\n    raise OSError(errno.ENOSPC, 'No space left on device')\n"
+    imports = "import errno\nimport warpcam.datasets.generate\nfrom warpcam.datasets.writers import coco\n"
+    patched = f"{imports}{full}coco.encode_colors = full\n"
+    site.write_text(
+        f"{site.read_text()}import sys\nif 'spawn_main' in ' '.join(sys.orig_argv):\n{indent(patched, '    ')}"
+    )
+    plan = plan_of(tmp_path, recipes=None, count=4, shard_size=2)
+    with says(f"no space left for {plan.out!r}; finished shards are whole: free space"):
+        generate(plan, 2)
+    assert shards_of(plan.out) == [] and not multiprocessing.active_children()
+
+
+def test_disk_full_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All shards are whole, and the same command merges them when there is room again."""
+    plan = plan_of(tmp_path, recipes=None)
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as fault:
+        fault.setattr(coco, "_write", full)
+        with says("finished shards are whole: free space and run the same command again"):
+            generate(plan)
+    before = {path: path.stat().st_mtime_ns for path in Path(plan.out).glob("shards/*/*")}
+    assert shards_of(plan.out) == ["000000", "000001", "000002"]
+    generate(plan)
+    assert before == {path: path.stat().st_mtime_ns for path in Path(plan.out).glob("shards/*/*")}
+    assert json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
+
+
+def test_parts_of_an_array_of_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_of(tmp_path, "one", recipes=None, count=10, shard_size=2)
+    generate(plan)
+    parts = dataclasses.replace(plan, out=str(tmp_path / "parts"))
+    with ShardFolder(parts, "shards").locked(shared=True):  # another job of the array
+        generate(parts, part=(1, 3))
+        assert shards_of(parts.out) == ["000001", "000004"]
+        with says("another run writes to folder"):
+            generate(parts)
+    with ShardFolder(parts, "shards").locked(), says("another run writes to folder"):
+        generate(parts, part=(0, 3))
+    command = ["dataset", plan.scene, "--writer", "coco", "--count", "10", "--shard-size", "2", "--worlds", "3"]
+    command += ["--size", "64x48", "--device", "cpu", "--antialiasing", "1", "--image-format", "png"]
+    command += ["--out", parts.out]
+    assert cli.main([*command, "--shards", "0/3"]) == 0
+    assert "the same command without --shards completes it" in capsys.readouterr().out
+    assert shards_of(parts.out) == ["000000", "000001", "000003", "000004"]
+    assert cli.main(command) == 0
+    assert files_of(parts.out) == files_of(plan.out)
+    for wrong in ("3/3", "1", "a/b", "-1/2"):
+        assert cli.main([*command, f"--shards={wrong}"]) == 2
+        assert "--shards: " in capsys.readouterr().err
 
 
 def test_folders_that_cannot_be_used(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ QUEUED = 4  # frames of each thread that wait, at most
 PACKAGES = ("warpcam", "warp-lang", "mujoco", "mujoco-warp", "usd-core", "trimesh", "numpy", "pillow", "torch")
 
 Progress = Callable[[int], None]  # is told how many more samples are done
+Part = tuple[int, int]  # (i, n): of all shards the i-th, the n-th after it, and so on
 
 
 def prepare(plan: Plan) -> ShardFolder:
@@ -34,6 +35,31 @@ def prepare(plan: Plan) -> ShardFolder:
     writer = find_writer(plan.writer)
     writer.check_options(dict(plan.options))
     return ShardFolder(plan, writer.root)
+
+
+def complete(plan: Plan, make: Callable[[list[int]], None], progress: Progress, part: Part | None = None) -> None:
+    """Have ``make`` make the shards that are missing, and merge all, or with a part make its shards alone.
+
+    Raises:
+        WarpcamError: Something of the plan is not allowed, or files cannot be written.
+    """
+    if part is not None and not 0 <= part[0] < part[1]:
+        raise WarpcamError(f"--shards: {part[0]}/{part[1]} came, I/N with I from 0 to N - 1 is needed")
+    folder = prepare(plan)
+    with folder.locked(shared=part is not None):
+        missing = missing_shards(plan, folder)
+        if part is not None:
+            missing = [shard for shard in missing if shard % part[1] == part[0]]
+        progress(plan.count - sum(len(plan.samples(shard)) for shard in missing))
+        if missing:
+            write_manifest(plan, folder, complete=False, more={})
+            try:
+                make(missing)
+            finally:
+                if part is None:
+                    folder.remove_temporaries()
+        if part is None:
+            merge_shards(plan, folder)
 
 
 def run_shard(plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambda _: None) -> None:

@@ -5,6 +5,7 @@ import errno
 import json
 import os
 import shutil
+import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -56,37 +57,47 @@ class ShardFolder:
 
     def begin(self, shard: int) -> Path:
         """Make an empty temporary folder for a shard."""
-        path = self.root / f".{shard:06d}-{os.getpid()}{TEMPORARY}"
+        path = self.root / f".{shard:06d}-{_process()}{TEMPORARY}"
         shutil.rmtree(path, ignore_errors=True)
         path.mkdir(parents=True)
         return path
 
     def commit(self, shard: int, temporary: Path, record: dict[str, Any]) -> None:
-        """Write the shard's record, and give its folder the final name: from now on the shard is finished."""
+        """Write the shard's record, and give its folder the final name: from now on the shard is finished.
+
+        Where another process has finished it meanwhile, its files stay, which are the same.
+        """
         samples = self._plan.samples(shard)
         whole = {"shard": shard, "first": samples.start, "end": samples.stop, **record}
         write_json(temporary / RECORD, whole)
-        shutil.rmtree(self.path(shard), ignore_errors=True)  # a last shard that was shorter
-        temporary.rename(self.path(shard))
+        if not self.is_finished(shard):
+            shutil.rmtree(self.path(shard), ignore_errors=True)  # a last shard that was shorter
+        try:
+            temporary.rename(self.path(shard))
+        except OSError:
+            if not self.is_finished(shard):
+                raise
+            shutil.rmtree(temporary, ignore_errors=True)
 
     def finished(self) -> list[FinishedShard]:
         """Finished shards with all their samples, by number."""
-        found = []
-        for shard in range(self._plan.num_shards):
-            samples = self._plan.samples(shard)
-            with contextlib.suppress(OSError, ValueError):
-                record = json.loads((self.path(shard) / RECORD).read_text())
-                if (record["first"], record["end"]) == (samples.start, samples.stop):
-                    found.append(FinishedShard(shard, self.path(shard), record))
-        return found
+        records = ((shard, self._record(shard)) for shard in range(self._plan.num_shards))
+        return [FinishedShard(shard, self.path(shard), record) for shard, record in records if record is not None]
+
+    def is_finished(self, shard: int) -> bool:
+        """Whether a shard is there with all its samples."""
+        return self._record(shard) is not None
 
     def remove_temporaries(self) -> None:
         for path in self.root.glob(f".*{TEMPORARY}"):
             shutil.rmtree(path, ignore_errors=True)
 
     @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
+    def locked(self, shared: bool = False) -> Iterator[None]:
         """Keep other runs out of the folder, which is made if need be, and check that it is this plan's.
+
+        Args:
+            shared: Whether other runs that share it may make other shards meanwhile.
 
         Raises:
             WarpcamError: The folder cannot be written, another run writes to it, or it is of another plan.
@@ -97,18 +108,28 @@ class ShardFolder:
         except OSError as error:
             raise WarpcamError(f"dataset: folder {str(self.out)!r} cannot be written: {error.strerror}") from None
         try:
-            _lock(handle, self.out)
+            _lock(handle, self.out, shared)
             self._check_manifest()
-            self.remove_temporaries()
+            if not shared:
+                self.remove_temporaries()
             yield
         finally:
             os.close(handle)
 
     def write_manifest(self, more: dict[str, Any]) -> None:
         """Write the plan's parameters and more about the data set."""
-        temporary = self.out / f"{MANIFEST}{TEMPORARY}"
+        temporary = self.out / f"{MANIFEST}-{_process()}{TEMPORARY}"
         write_json(temporary, {**more, "count": self._plan.count, "parameters": self.parameters}, indent=1)
         temporary.replace(self.out / MANIFEST)
+
+    def _record(self, shard: int) -> dict[str, Any] | None:
+        """What the shard.json of a finished shard says."""
+        samples = self._plan.samples(shard)
+        try:
+            record: dict[str, Any] = json.loads((self.path(shard) / RECORD).read_text())
+            return record if (record["first"], record["end"]) == (samples.start, samples.stop) else None
+        except (OSError, ValueError, KeyError):
+            return None
 
     def _has_shards(self) -> bool:
         return any(self.root.glob("[0-9]*"))
@@ -116,7 +137,8 @@ class ShardFolder:
     def _check_manifest(self) -> None:
         path = self.out / MANIFEST
         if not path.exists():
-            if any(each.name != LOCK and each != self.root for each in self.out.iterdir()) or self._has_shards():
+            others = (each for each in self.out.iterdir() if each.name != LOCK and not each.name.startswith(MANIFEST))
+            if any(each != self.root for each in others) or self._has_shards():
                 raise WarpcamError(f"dataset: folder {str(self.out)!r} has other files; give an empty or a new folder")
             return
         try:
@@ -152,12 +174,17 @@ def explained(error: OSError, folder: Path) -> WarpcamError:
     return WarpcamError(f"dataset: {str(path)!r} cannot be written: {error.strerror or error}")
 
 
-def _lock(handle: int, folder: Path) -> None:
+def _process() -> str:
+    """A name that no other process has, here or on another machine."""
+    return f"{socket.gethostname()}-{os.getpid()}"
+
+
+def _lock(handle: int, folder: Path, shared: bool) -> None:
     try:
         import fcntl
     except ImportError:  # not on Windows, where nobody else is kept out
         return
     try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except OSError:
         raise WarpcamError(f"dataset: another run writes to folder {str(folder)!r}") from None
