@@ -129,7 +129,7 @@ def test_a_killed_worker(tmp_path: Path, quick: None) -> None:
 
 
 def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan, encode, written = plan_of(tmp_path, recipes=None), coco.encode_colors, []
+    plan, encode, written = plan_of(tmp_path, recipes=None), coco.encode_frame, []
 
     def encode_until_full(*arguments: Any) -> bytes:
         written.append(1)
@@ -137,12 +137,12 @@ def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return encode(*arguments)
 
-    monkeypatch.setattr(coco, "encode_colors", encode_until_full)
+    monkeypatch.setattr(coco, "encode_frame", encode_until_full)
     with says(f"no space left for {plan.out!r}; finished shards are whole: free space"):
         generate(plan)
     assert shards_of(plan.out) == ["000000"]
     assert not json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
-    monkeypatch.setattr(coco, "encode_colors", encode)
+    monkeypatch.setattr(coco, "encode_frame", encode)
     generate(plan)
     assert shards_of(plan.out) == ["000000", "000001", "000002"]
     assert json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
@@ -152,7 +152,7 @@ def test_disk_full_in_a_worker(tmp_path: Path, quick: None) -> None:
     site = tmp_path / "site" / "sitecustomize.py"
     full = "def full(*_):\n    raise OSError(errno.ENOSPC, 'No space left on device')\n"
     imports = "import errno\nimport warpcam.datasets.generate\nfrom warpcam.datasets.writers import coco\n"
-    patched = f"{imports}{full}coco.encode_colors = full\n"
+    patched = f"{imports}{full}coco.encode_frame = full\n"
     site.write_text(
         f"{site.read_text()}import sys\nif 'spawn_main' in ' '.join(sys.orig_argv):\n{indent(patched, '    ')}"
     )

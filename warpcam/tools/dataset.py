@@ -6,12 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import warp as wp
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.generate import Plan, generate, read_recipes
+from warpcam.datasets.generate import Plan, Recipes, device_jpeg, generate, read_recipes
 from warpcam.datasets.generate.run import Part
 from warpcam.datasets.writers import WRITERS
 from warpcam.sources.common import formats
@@ -66,6 +68,12 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument("--image-format", choices=("jpg", "png"), default="jpg", help="default: %(default)s")
     command.add_argument("--quality", type=int, default=92, metavar="Q", help="of .jpg, 1 to 95 (default: %(default)s)")
     command.add_argument(
+        "--jpeg",
+        choices=("pillow", "torchcodec"),
+        help="what encodes .jpg (default: torchcodec, by nvJPEG, if it is there, a GPU draws, and no photographs are "
+        "put behind images)",
+    )
+    command.add_argument(
         "--antialiasing", type=int, default=4, metavar="N", help="samples of an edge (default: %(default)s)"
     )
     command.add_argument(
@@ -79,6 +87,7 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the data set; returns the exit code."""
     width, height = image_size(options.size)
+    recipes = read_recipes(options.randomize)
     plan = Plan(
         scene=str(options.scene or batch_file.DEMO),
         out=str(options.out),
@@ -88,12 +97,13 @@ def run(options: argparse.Namespace) -> int:
         width=width,
         height=height,
         cameras=tuple(options.camera) if options.camera else None,
-        recipes=read_recipes(options.randomize),
+        recipes=recipes,
         shard_size=options.shard_size,
         worlds=options.worlds,
         device=options.device,
         image_format=options.image_format,
         quality=options.quality,
+        jpeg=options.jpeg or _encoder(options, recipes),
         antialiasing=options.antialiasing,
         validation=options.validation,
         options=tuple(map(_option, options.option)),
@@ -127,6 +137,13 @@ def run(options: argparse.Namespace) -> int:
         "second); look at contact_sheet.png and statistics.html"
     )
     return 0
+
+
+def _encoder(options: argparse.Namespace, recipes: Recipes) -> str:
+    """What encodes .jpg if nobody says it."""
+    on_gpu = wp.is_cuda_available() if options.device is None else resolve(options.device).is_cuda
+    fits = options.image_format == "jpg" and recipes.backgrounds is None
+    return "torchcodec" if on_gpu and fits and device_jpeg.is_installed() else "pillow"
 
 
 def _generate(plan: Plan, options: argparse.Namespace, advance: Callable[[int], None]) -> None:

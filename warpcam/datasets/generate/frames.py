@@ -64,7 +64,9 @@ class Frame:
         number: Of the image among all of the data set.
         stem: Of the image's file name.
         colors: (height, width, 3) uint8.
+        jpeg: The colours as a .jpg file, if the plan has the device encode them, else None.
         depth: (height, width) float32, planar [m], inf where nothing is hit; as a sensor measures it if there is one.
+        depth_counts: Pixels of each bin of ``statistics.DEPTHS``, and of those without depth, (bin + 1,).
         ids: (height, width) int32.
         intrinsics: fx, fy, cx, cy [pixels], the first pixel's centre at (0.5, 0.5); None: the lens is no pinhole.
         camera_position: In the world [m], (3,).
@@ -79,7 +81,9 @@ class Frame:
     number: int
     stem: str
     colors: np.ndarray
+    jpeg: bytes | None
     depth: np.ndarray
+    depth_counts: np.ndarray
     ids: np.ndarray
     intrinsics: tuple[float, float, float, float] | None
     camera_position: np.ndarray

@@ -34,6 +34,7 @@ class Plan:
         device: Name of the device; None is the first GPU, or the CPU.
         image_format: "png" or "jpg" of colour images.
         quality: Of .jpg, from 1 to 95.
+        jpeg: What encodes .jpg: "pillow", in threads of the host, or "torchcodec", on the device: nvJPEG on GPUs.
         antialiasing: As ``Camera`` has it.
         validation: Share of the samples, drawn by number, that are listed for validation.
         options: Of the writer, by name.
@@ -53,6 +54,7 @@ class Plan:
     device: str | None = None
     image_format: str = "jpg"
     quality: int = 92
+    jpeg: str = "pillow"
     antialiasing: int = 4
     validation: float = 0.0
     options: tuple[tuple[str, Any], ...] = ()
@@ -72,6 +74,10 @@ class Plan:
                 raise WarpcamError(f"dataset: {name} must be a whole number from {low} to {high}, got {value!r}")
         if self.image_format not in ("png", "jpg"):
             raise WarpcamError(f"dataset: image_format must be 'png' or 'jpg', got {self.image_format!r}")
+        if self.jpeg not in ("pillow", "torchcodec"):
+            raise WarpcamError(f"dataset: jpeg must be 'pillow' or 'torchcodec', got {self.jpeg!r}")
+        if self.jpeg == "torchcodec" and (self.image_format != "jpg" or self.recipes.backgrounds is not None):
+            raise WarpcamError("dataset: jpeg 'torchcodec' is for .jpg, and for recipes without backgrounds")
         if not 0.0 <= self.validation < 1.0:
             raise WarpcamError(f"dataset: validation must be a share from 0 to below 1, got {self.validation!r}")
         known = (*formats.MUJOCO, *formats.USD, *formats.MESHES)

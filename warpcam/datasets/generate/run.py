@@ -22,7 +22,7 @@ from warpcam.datasets.generate.worlds import Worlds
 from warpcam.datasets.writers import WRITERS, find_writer
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
-ENCODERS = 8  # threads of a process that encode images, at most
+ENCODERS = 16  # threads of a process that encode images, at most
 QUEUED = 4  # frames of each thread that wait, at most
 PACKAGES = ("warpcam", "warp-lang", "mujoco", "mujoco-warp", "usd-core", "trimesh", "numpy", "pillow", "torch")
 

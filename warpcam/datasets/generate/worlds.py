@@ -16,7 +16,7 @@ from warpcam import sensors
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate import cameras as camera_rules
-from warpcam.datasets.generate import sensing
+from warpcam.datasets.generate import device_jpeg, sensing, statistics
 from warpcam.datasets.generate.file_scene import FileScene
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.image_files import image_files, read_cover
@@ -51,6 +51,8 @@ class Worlds:
     def __init__(self, plan: Plan):
         self._plan, self._recipes, writer = plan, plan.recipes, find_writer(plan.writer)
         self.device = resolve(plan.device)
+        if plan.jpeg == "torchcodec":
+            device_jpeg.require()
         kind = Path(plan.scene).suffix.lower()
         self._source: Any = (MujocoScene if kind in formats.MUJOCO else FileScene)(plan, self.device)
         scene: warpcam.Scene = self._source.scene
@@ -114,14 +116,21 @@ class Worlds:
         whole = {} if self._whole is None else self._whole.read()
         hosts = {}
         for name, key in self._keys.items():
-            arrays = {output: _on_host(images[key][output][:count]) for output in (self._color, "depth", self._ids)}
+            drawn = {output: images[key][output][:count] for output in (self._color, "depth", self._ids)}
+            arrays = {output: _on_host(image) for output, image in drawn.items()}
+            arrays["counts"] = _on_host(statistics.depth_counts(drawn["depth"][..., 0]))
             labels = {field: _on_host(getattr(found[key], field)[:count]) for field in IMAGE_LABELS}
             boxes, pixels = whole.get(key, (found[key].amodal_boxes, found[key].amodal_pixels))
             labels |= {"whole_boxes": _on_host(boxes[:count]), "whole_pixels": _on_host(pixels[:count])}
             if (masks := found[key].amodal_masks) is not None:
                 labels["amodal_masks"] = _on_host(masks[:count])
-            hosts[name] = arrays, labels, self._renderer.views(key).numpy().copy()
+            files: list[bytes | None] = [None] * count
+            if plan.jpeg == "torchcodec":
+                files = [*device_jpeg.encode(drawn[self._color], plan.quality)]
+            hosts[name] = arrays, files, labels, self._renderer.views(key).numpy().copy()
         ids = _on_host(self._labels.ids[:count])
+        if self.device.is_cuda:
+            torch.cuda.current_stream(wp.device_to_torch(self.device)).synchronize()
         for place, sample in enumerate(samples):
             for number, name in enumerate(self.cameras):
                 yield self._frame(sample, number, name, place, ids[place], *hosts[name])
@@ -219,6 +228,7 @@ class Worlds:
         place: int,
         ids: np.ndarray,
         images: Mapping[str, np.ndarray],
+        files: Sequence[bytes | None],
         labels: Mapping[str, np.ndarray],
         views: np.ndarray,
     ) -> Frame:
@@ -233,7 +243,9 @@ class Worlds:
             number=sample * len(self.cameras) + number,
             stem=stem,
             colors=self._composed(images[self._color][place], sample, name),
+            jpeg=files[place],
             depth=images["depth"][place, ..., 0],
+            depth_counts=images["counts"][place],
             ids=images[self._ids][place, ..., 0],
             intrinsics=pinhole if self._pinhole[name] else None,
             camera_position=np.array(view["origin"], np.float64),
@@ -287,8 +299,12 @@ class Worlds:
 
 
 def _on_host(tensor: torch.Tensor) -> np.ndarray:
-    """A copy, also of memory of the host: the next samples are drawn into that while these are encoded."""
-    copied: np.ndarray = tensor.to("cpu", copy=True).numpy()
+    """A copy, also of memory of the host: the next samples are drawn into that while these are encoded.
+
+    From a GPU it is there once the current stream has been waited for: pinned memory is copied to by the device.
+    """
+    host = torch.empty(tensor.shape, dtype=tensor.dtype, pin_memory=tensor.is_cuda)
+    copied: np.ndarray = host.copy_(tensor, non_blocking=True).numpy()
     return copied
 
 

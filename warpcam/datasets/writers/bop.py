@@ -14,7 +14,7 @@ from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.shards import write_json
 from warpcam.datasets.writers.bop_annotations import SceneAnnotations, annotation
 from warpcam.datasets.writers.bop_models import copy_models, write_models
-from warpcam.datasets.writers.encode import encode_colors, encode_png, millimeters
+from warpcam.datasets.writers.encode import encode_frame, encode_png, millimeters
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 TO_OPENCV = np.diag((1.0, -1.0, -1.0))
@@ -53,7 +53,7 @@ class BopWriter(Writer):
         layout, scale = self.layout, float(self.layout.options["depth_scale"])
         number = frame.number - layout.first
         depth = millimeters(frame.depth, scale)
-        colors = encode_colors(frame.colors, layout.image_format, layout.quality)
+        colors = encode_frame(frame, layout)
         (layout.folder / "rgb" / f"{number:06d}.{layout.image_format}").write_bytes(colors)
         (layout.folder / "depth" / f"{number:06d}.png").write_bytes(encode_png(depth))
         placed = [each for each in frame.instances if np.isfinite(each.position).all()]

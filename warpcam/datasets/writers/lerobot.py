@@ -33,7 +33,7 @@ from warpcam.datasets.trajectories.lerobot_layout import (
     new_info,
     with_counts,
 )
-from warpcam.datasets.writers.encode import encode_colors
+from warpcam.datasets.writers.encode import encode_frame
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 FRAMES, ROWS, TOTALS, ABOUT = "frames.parquet", "episodes.parquet", "statistics.json", "features.json"
@@ -80,7 +80,7 @@ class LeRobotWriter(Writer):
         found = {name: statistics.of_values(_finite(value)[None]) for name, value in values.items()}
         step = max(1, max(frame.colors.shape[:2]) * 2 // LARGE)
         found[f"observation.images.{camera}"] = statistics.of_images(frame.colors[None, ::step, ::step])
-        return frame, values, encode_colors(frame.colors, layout.image_format, layout.quality), found
+        return frame, values, encode_frame(frame, layout), found
 
     def append(self, encoded: tuple[Frame, dict[str, np.ndarray], bytes, dict[str, Any]]) -> None:
         frame, values, image, found = encoded
