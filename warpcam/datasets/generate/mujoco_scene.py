@@ -92,6 +92,16 @@ class MujocoScene:
 
     def place(self, samples: Sequence[int]) -> None:
         """Give each world the joints and bodies of its sample."""
+        joints, positions, rotations = self.states(samples)
+        data = self._batch.data
+        data.qpos.assign(joints.astype(np.float32))
+        if self.host.nmocap:
+            data.mocap_pos.assign(positions.astype(np.float32))
+            data.mocap_quat.assign(rotations.astype(np.float32))
+        batch_file.forward(self._batch)
+
+    def states(self, samples: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Joint positions (sample, nq), and positions and quaternions of mocap bodies (sample, nmocap, 3 and 4)."""
         joints = np.tile(self._start, (len(samples), 1))
         positions, rotations = (np.repeat(array[None], len(samples), 0) for array in self._mocap)
         for world, sample in enumerate(samples):
@@ -114,12 +124,7 @@ class MujocoScene:
                 for number, pose in self._pool.poses(sample, taken).items():
                     mocap = self._mocaps[number]
                     positions[world, mocap], rotations[world, mocap] = pose[:3], pose[3:]
-        data = self._batch.data
-        data.qpos.assign(joints.astype(np.float32))
-        if self.host.nmocap:
-            data.mocap_pos.assign(positions.astype(np.float32))
-            data.mocap_quat.assign(rotations.astype(np.float32))
-        batch_file.forward(self._batch)
+        return joints, positions, rotations
 
     def finish_looks(self, samples: Sequence[int]) -> None:
         """Colour the distractors of each sample, and hide those that it lacks; after all other draws."""

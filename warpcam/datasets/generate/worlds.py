@@ -104,13 +104,7 @@ class Worlds:
         """
         plan, count = self._plan, len(samples)
         padded = [*samples, *[samples[-1]] * (plan.worlds - count)]
-        self._source.place(padded)
-        scene = self._renderer.scene
-        if self._draws:
-            warpcam.randomize(scene, seed=self._seeds(padded, "looks"), by_world=False, **self._draws)
-        self._source.finish_looks(padded)
-        for name, (_, recipe) in self._chosen.items():
-            self._place_camera(name, recipe, padded)
+        self._vary(padded)
         images = self._look(padded)
         found = self._labels.read()
         whole = {} if self._whole is None else self._whole.read()
@@ -134,6 +128,16 @@ class Worlds:
         for place, sample in enumerate(samples):
             for number, name in enumerate(self.cameras):
                 yield self._frame(sample, number, name, place, ids[place], *hosts[name])
+
+    def _vary(self, samples: Sequence[int]) -> None:
+        """Give each world the poses, looks and cameras of its sample."""
+        self._source.place(samples)
+        if self._draws:
+            seeds = self._seeds(samples, "looks")
+            warpcam.randomize(self._renderer.scene, seed=seeds, by_world=False, **self._draws)
+        self._source.finish_looks(samples)
+        for name, (_, recipe) in self._chosen.items():
+            self._place_camera(name, recipe, samples)
 
     def _seeds(self, samples: Sequence[int], purpose: str) -> torch.Tensor:
         seeds = np.array([seed_of(self._plan.seed, sample, purpose) for sample in samples], np.int32)
