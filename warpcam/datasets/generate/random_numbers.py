@@ -1,5 +1,6 @@
 """Random numbers of a sample: they follow from the plan's seed, the sample and their purpose alone."""
 
+import math
 from zlib import crc32
 
 import numpy as np
@@ -34,7 +35,7 @@ def apart(
     best, distance = None, -1.0
     for _ in range(100 if spacing > 0.0 and others else 1):
         position = random.uniform(low, high)
-        nearest = min((float(np.linalg.norm(position - other)) for other in others), default=np.inf)
+        nearest = min((math.dist(position, other) for other in others), default=np.inf)
         if nearest > distance:
             best, distance = position, nearest
         if nearest >= spacing:
