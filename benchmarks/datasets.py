@@ -129,12 +129,12 @@ def host_stages(plan: Plan, worlds: Worlds, frames: list[Frame]) -> Row:
             keypoint_names=worlds.keypoint_names, models=(), width=plan.width, height=plan.height,
             image_format=plan.image_format, quality=plan.quality, options={"min_pixels": 1},
         )  # fmt: skip
-        writer, path = CocoWriter(layout), Path(folder) / "image"
+        writer = CocoWriter(layout)
         files = [frame.jpeg or encode_colors(frame.colors, plan.image_format, plan.quality) for frame in frames]
         encoded = [dataclasses.replace(frame, jpeg=file) for frame, file in zip(frames, files, strict=True)]
         work: dict[str, Callable[[int], Any]] = {
             "masks, boxes and file": lambda place: writer.encode(encoded[place]),
-            "file": lambda place: path.write_bytes(files[place]),
+            "file": lambda place: (Path(folder) / str(place)).write_bytes(files[place]),
             "statistics": lambda place: statistics.of_frame(frames[place]),
         }
         if plan.jpeg != "torchcodec":

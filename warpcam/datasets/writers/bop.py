@@ -62,7 +62,8 @@ class BopWriter(Writer):
             (layout.folder / "mask" / name).write_bytes(_mask(each.amodal_mask))
             (layout.folder / "mask_visib" / name).write_bytes(_mask(frame.mask(each)))
         poses, infos = [_pose(each) for each in placed], [_info(frame, each, depth) for each in placed]
-        annotations = [annotation(frame, each) for each in placed if each.visible_pixels > 0]
+        by_column = np.asfortranarray(frame.ids)
+        annotations = [annotation(by_column, each) for each in placed if each.visible_pixels > 0]
         return number, _camera(frame, scale), poses, infos, annotations
 
     def append(self, encoded: Any) -> None:

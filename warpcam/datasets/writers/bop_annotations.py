@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from warpcam.datasets.generate.frames import Frame, Instance
+from warpcam.datasets.generate.frames import Instance
+from warpcam.datasets.writers.run_lengths import run_lengths
 from warpcam.datasets.writers.writer import ShardLayout
 
 IGNORED = 0.1  # visible share below which an annotation does not count
@@ -39,22 +40,14 @@ class SceneAnnotations:
         return about | {"images": self._images, "annotations": self._annotations}
 
 
-def annotation(frame: Frame, instance: Instance) -> dict[str, Any]:
-    """Annotation of a visible instance, without numbers of its own and of its image."""
+def annotation(by_column: np.ndarray, instance: Instance) -> dict[str, Any]:
+    """Annotation of a visible instance, without its own number and its image's; ids are as ``run_lengths`` has them."""
     left, top, right, bottom = instance.amodal_box
-    mask = frame.mask(instance)
     return {
         "category_id": instance.model + 1,
         "iscrowd": 0,
         "area": instance.visible_pixels,
         "bbox": [left, top, right - left, bottom - top],
-        "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)},
+        "segmentation": {"size": list(by_column.shape), "counts": run_lengths(by_column, instance)},
         "ignore": instance.visible_pixels < IGNORED * instance.whole_pixels,
     }
-
-
-def run_lengths(mask: np.ndarray) -> list[int]:
-    """Lengths of runs of a mask (height, width) bool, column after column, first of pixels that it lacks."""
-    flat = np.concatenate(([False], mask.ravel(order="F")))
-    starts = np.flatnonzero(np.diff(flat)).tolist()
-    return np.diff([0, *starts, mask.size]).tolist()

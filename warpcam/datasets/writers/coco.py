@@ -10,6 +10,7 @@ from pycocotools import mask as rle
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.shards import write_json
 from warpcam.datasets.writers.encode import encode_frame
+from warpcam.datasets.writers.run_lengths import run_lengths
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 ID_STEP = 10_000  # annotations' ids: room for so many instances of an image
@@ -57,7 +58,8 @@ class CocoWriter(Writer):
 
 def _annotation(frame: Frame, by_column: np.ndarray, place: int, instance: Instance) -> dict[str, Any]:
     left, top, right, bottom = instance.visible_box
-    mask = rle.encode((by_column == instance.id).view(np.uint8))
+    size = list(by_column.shape)
+    mask = rle.frPyObjects({"size": size, "counts": run_lengths(by_column, instance)}, *size)
     found = {
         "id": frame.number * ID_STEP + place + 1,
         "image_id": frame.number,
