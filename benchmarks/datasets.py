@@ -23,6 +23,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.benchmarks import machine
+from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate import Plan, Worlds, device_jpeg, generate, read_recipes, statistics
 from warpcam.datasets.generate.frames import Frame
@@ -30,7 +31,6 @@ from warpcam.datasets.writers.coco import CocoWriter
 from warpcam.datasets.writers.encode import encode_colors
 from warpcam.datasets.writers.writer import ShardLayout
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools.image_size import image_size
 
 RECIPES = """
 poses:
@@ -52,8 +52,13 @@ labels:
   classes: {ball: ball, block: block, can: can, egg: egg, pill: pill, vase: vase}
 """  # of the demo scene, as examples/dataset.yaml has them
 PARTS = ("total", "stages", "mujoco", "ray")
-WARM = 2  # shards of the run that compiles everything
 Row = dict[str, Any]
+
+
+def pixels(text: str) -> tuple[int, int]:
+    """Width and height of WxH."""
+    width, height = map(int, text.split("x"))
+    return width, height
 
 
 class Clock:
@@ -150,7 +155,7 @@ def host_stages(plan: Plan, worlds: Worlds, frames: list[Frame]) -> Row:
 
 def mujoco_rates(plan: Plan, count: int) -> Row:
     """Rate of the loop with ``mujoco.Renderer``, in a process of its own; or why there is none."""
-    backend = os.environ.get("MUJOCO_GL") or ("osmesa" if plan.device == "cpu" else "egl")
+    backend = os.environ.get("MUJOCO_GL") or ("egl" if resolve(plan.device).is_cuda else "osmesa")
     with tempfile.TemporaryDirectory() as folder:
         task = dataclasses.replace(plan, out=f"{folder}/out", device="cpu", worlds=1, count=count)
         arguments = [task.scene, task.out, str(count), f"{task.width}x{task.height}", task.image_format]
@@ -187,8 +192,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", help="of one worker (default: the first GPU, or the CPU)")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=["total", "stages", "mujoco"])
-    parser.add_argument("--size", default="640x480", metavar="WxH")
-    parser.add_argument("--count", type=int, default=2000, help="samples of each worker")
+    parser.add_argument("--size", type=pixels, default=(640, 480), metavar="WxH")
+    parser.add_argument("--count", type=int, default=4000, help="samples of each worker")
+    parser.add_argument("--shard-size", type=int, default=500, help="samples of a shard")
     parser.add_argument("--worlds", type=int, default=64, help="drawn at once")
     parser.add_argument("--workers", nargs="+", type=int, default=[1, 4], help="processes, or actors of Ray")
     parser.add_argument("--batches", type=int, default=10, help="of the stages")
@@ -196,7 +202,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--png", action="store_true", help="PNG as well")
     parser.add_argument("--out", help="JSON file")
     options = parser.parse_args(arguments)
-    device = wp.get_device(options.device) if options.device else wp.get_preferred_device()
+    device = resolve(options.device)
     encoders: list[Row] = [{"image_format": "jpg", "jpeg": "pillow"}]
     if device.is_cuda and device_jpeg.is_installed():
         encoders.insert(0, {"image_format": "jpg", "jpeg": "torchcodec"})
@@ -204,15 +210,15 @@ def main(arguments: list[str] | None = None) -> None:
         encoders.append({"image_format": "png", "jpeg": "pillow"})
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "recipes.yaml").write_text(RECIPES)
-        width, height = image_size(options.size)
+        width, height = options.size
         plan = Plan(
             str(batch_file.DEMO), f"{folder}/warm", "coco", options.count, width=width, height=height,
-            recipes=read_recipes(Path(folder) / "recipes.yaml"), worlds=options.worlds, shard_size=options.worlds,
+            recipes=read_recipes(Path(folder) / "recipes.yaml"), worlds=options.worlds, shard_size=options.shard_size,
             device=options.device,
         )  # fmt: skip
         report: Row = {"about": __doc__, "machine": machine.describe(device), "cores": len(os.sched_getaffinity(0))}
-        report |= {"size": options.size, "worlds": options.worlds, "results": []}
-        generate(dataclasses.replace(plan, count=WARM * options.worlds, **encoders[0]))
+        report |= {"size": options.size, "worlds": options.worlds, "shard_size": options.shard_size, "results": []}
+        generate(dataclasses.replace(plan, count=options.worlds, **encoders[0]))  # compiles all kernels
         for part, row in results(options, plan, encoders):
             report["results"].append({"part": part, **row})
             print(part, json.dumps(row), flush=True)

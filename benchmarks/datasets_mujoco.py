@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 import warp as wp
 
-from warpcam.benchmarks.datasets import RECIPES
+from warpcam.benchmarks.datasets import RECIPES, pixels
 from warpcam.core.rotations import rotation_matrices
 from warpcam.datasets.generate import Plan, read_recipes
 from warpcam.datasets.generate.cameras import shell_poses
@@ -29,7 +29,6 @@ from warpcam.datasets.generate.mujoco_scene import MujocoScene
 from warpcam.datasets.generate.run import ENCODERS, QUEUED
 from warpcam.datasets.writers.coco import CocoWriter
 from warpcam.datasets.writers.writer import ShardLayout
-from warpcam.tools.image_size import image_size
 
 NOTHING = np.zeros(3)
 
@@ -126,7 +125,7 @@ def rate(plan: Plan, threads: int) -> dict[str, Any]:
 
 def main() -> None:
     scene, out, count, size, image_format = sys.argv[1:]
-    width, height = image_size(size)
+    width, height = pixels(size)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "recipes.yaml").write_text(RECIPES)
         recipes = read_recipes(Path(folder) / "recipes.yaml")

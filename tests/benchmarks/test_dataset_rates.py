@@ -15,6 +15,7 @@ from warpcam.datasets.generate import Plan, Worlds, read_recipes
 from warpcam.sources.mujoco import batch_file
 
 SMALL = ["--size", "32x24", "--count", "4", "--worlds", "2", "--workers", "1", "--batches", "1", "--mujoco-count", "2"]
+SMALL += ["--shard-size", "2"]
 
 
 def test_parts(device: wp.Device, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
