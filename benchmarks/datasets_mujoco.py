@@ -7,7 +7,6 @@ threads. The images are not the same: lights and fields of view stay as the scen
 
 import dataclasses
 import json
-import os
 import sys
 import tempfile
 import time
@@ -26,7 +25,7 @@ from warpcam.datasets.generate import Plan, read_recipes
 from warpcam.datasets.generate.cameras import shell_poses
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.mujoco_scene import MujocoScene
-from warpcam.datasets.generate.run import ENCODERS, QUEUED
+from warpcam.datasets.generate.run import QUEUED, encoders
 from warpcam.datasets.writers.coco import CocoWriter
 from warpcam.datasets.writers.writer import ShardLayout
 
@@ -131,7 +130,7 @@ def main() -> None:
         recipes = read_recipes(Path(folder) / "recipes.yaml")
     plan = Plan(scene, out, "coco", int(count), width=width, height=height, recipes=recipes, worlds=1, device="cpu")
     plan = dataclasses.replace(plan, image_format=image_format)
-    print(json.dumps(rate(plan, min(ENCODERS, len(os.sched_getaffinity(0))))))
+    print(json.dumps(rate(plan, encoders())))
 
 
 if __name__ == "__main__":

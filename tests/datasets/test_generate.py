@@ -21,6 +21,7 @@ from dataset_plans import files_of, plan_of, shards_of
 
 import warpcam as wc
 from warpcam.datasets.generate import Worlds, generate
+from warpcam.datasets.generate.random_numbers import generator
 from warpcam.datasets.generate.shards import ShardFolder
 from warpcam.datasets.writers import coco
 from warpcam.tools import cli
@@ -361,3 +362,15 @@ distractors: {count: [1, 5], low: [1, 0, 1], high: [1, 0, 1], size: [0.1, 0.2]}
         x, z = (columns + 0.5 - middle_x) * depth / focal, (middle_y - rows - 0.5) * depth / focal
         assert np.hypot(x - 1.0, z - 1.0).max() < 0.5 and np.abs(depth - 5.0).max() < 0.5
         assert np.hypot(x - 1.0, z - 1.0).min() < 0.1
+
+
+def test_random_numbers_are_the_sample_s_and_the_purpose_s() -> None:
+    first, second = (generator(7, sample, "pose") for sample in (0, 1))  # side by side
+    numbers = np.array([(first.random(), second.random()) for _ in range(1000)])
+    for sample in (0, 1):
+        np.testing.assert_array_equal(generator(7, sample, "pose").random(1000), numbers[:, sample])
+    others = [numbers[:, 1], generator(7, 0, "looks").random(1000), generator(8, 0, "pose").random(1000)]
+    assert all(abs(np.corrcoef(numbers[:, 0], other)[0, 1]) < 0.12 for other in others)
+    drawn = generator(7, 0, "pose")
+    assert drawn.integers(2**31) == generator(7, 0, "pose").integers(2**31) and drawn.random() != numbers[0, 0]
+    assert generator(2**63 - 1, 10**9, "pose").random() < 1.0

@@ -62,7 +62,14 @@ def complete(plan: Plan, make: Callable[[list[int]], None], progress: Progress, 
             merge_shards(plan, folder)
 
 
-def run_shard(plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambda _: None) -> None:
+def encoders() -> int:
+    """Threads that encode images, if one process alone does."""
+    return min(ENCODERS, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+def run_shard(
+    plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambda _: None, threads: int | None = None
+) -> None:
     """Make one shard; its folder is there when it is whole.
 
     Args:
@@ -70,13 +77,14 @@ def run_shard(plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambd
         shard: Its number.
         worlds: Of the plan; they may be used for one shard after another.
         progress: Called after each batch with its number of samples.
+        threads: That encode images; None is one for each processor, up to 16.
 
     Raises:
         WarpcamError: The shard cannot be written.
     """
     folder = prepare(plan)
     try:
-        _write_shard(plan, shard, worlds, folder, progress)
+        _write_shard(plan, shard, worlds, folder, progress, threads or encoders())
     except OSError as error:
         raise explained(error, folder.out) from error
 
@@ -140,7 +148,7 @@ def _merge_of(plan: Plan, folder: ShardFolder, shards: Sequence[FinishedShard]) 
     )
 
 
-def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, progress: Progress) -> None:
+def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, progress: Progress, threads: int) -> None:
     kind, samples = find_writer(plan.writer), plan.samples(shard)
     temporary = folder.begin(shard)
     layout = ShardLayout(
@@ -160,7 +168,6 @@ def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, pr
     )
     writer = kind(layout)
     total, previews = statistics.empty(len(worlds.classes)), Previews(temporary, layout.frames)
-    threads = min(ENCODERS, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
     with ThreadPoolExecutor(threads) as pool:
         queue: deque[Future[Any]] = deque()
         try:

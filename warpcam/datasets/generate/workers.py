@@ -14,7 +14,7 @@ import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate.plan import Plan
-from warpcam.datasets.generate.run import Part, Progress, complete, run_shard
+from warpcam.datasets.generate.run import Part, Progress, complete, encoders, run_shard
 from warpcam.datasets.generate.worlds import Worlds
 
 DONE, MADE, FAILED = "done", "made", "failed"  # samples of a batch, a shard, an error's text
@@ -113,7 +113,7 @@ def _processes(plan: Plan, count: int) -> Iterator[list[Worker]]:
         for number in range(count):
             device = devices[number % len(devices)].alias if devices else plan.device
             here, there = context.Pipe()
-            arguments = (dataclasses.replace(plan, device=device), there)
+            arguments = (dataclasses.replace(plan, device=device), there, max(2, encoders() // count))
             process = context.Process(target=_work, args=arguments, daemon=True)
             process.start()
             there.close()
@@ -127,7 +127,7 @@ def _processes(plan: Plan, count: int) -> Iterator[list[Worker]]:
             worker.process.join()
 
 
-def _work(plan: Plan, pipe: Connection) -> None:
+def _work(plan: Plan, pipe: Connection, threads: int) -> None:
     """A worker's life: shards that the parent names, until it names none or is gone."""
     parent = os.getppid()
     wp.config.log_level = wp.LOG_WARNING
@@ -142,7 +142,7 @@ def _work(plan: Plan, pipe: Connection) -> None:
         worlds = None
         while (shard := pipe.recv()) is not None:
             worlds = worlds or Worlds(plan)
-            run_shard(plan, shard, worlds, told)
+            run_shard(plan, shard, worlds, told, threads)
             pipe.send((MADE, shard))
     except WarpcamError as error:
         pipe.send((FAILED, str(error)))
