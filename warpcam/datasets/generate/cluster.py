@@ -5,6 +5,7 @@ by an actor that takes its place.
 """
 
 import dataclasses
+import logging
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ from typing import Any
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate.plan import Plan
-from warpcam.datasets.generate.run import Part, Progress, complete, prepare, run_shard
+from warpcam.datasets.generate.run import ENCODERS, Part, Progress, complete, prepare, run_shard
 from warpcam.datasets.generate.worlds import Worlds
 
 try:
@@ -28,10 +29,11 @@ class ShardMaker:
 
     Args:
         plan: What is made.
+        threads: That encode images.
     """
 
-    def __init__(self, plan: Plan):
-        self._plan = plan
+    def __init__(self, plan: Plan, threads: int):
+        self._plan, self._threads = plan, threads
         self._worlds: Worlds | None = None
 
     def ready(self) -> None:
@@ -41,7 +43,7 @@ class ShardMaker:
         """Make a shard; returns what went wrong, in words, or None."""
         try:
             self._worlds = self._worlds or Worlds(self._plan)
-            run_shard(self._plan, shard, self._worlds)
+            run_shard(self._plan, shard, self._worlds, threads=self._threads)
         except WarpcamError as error:
             return str(error)
         return None
@@ -77,7 +79,8 @@ def generate_on_ray(
     connected = ray.is_initialized()
     if not connected:
         try:
-            ray.init(address, include_dashboard=False if address in (None, "local") else None, log_to_driver=False)
+            dashboard = False if address in (None, "local") else None
+            ray.init(address, include_dashboard=dashboard, log_to_driver=False, logging_level=logging.ERROR)
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise WarpcamError(f"--ray: no cluster at {address!r}: {' '.join(str(error).split())}") from None
     try:
@@ -101,6 +104,7 @@ class _Makers:
         resources = ray.cluster_resources()
         gpus = 0 if plan.device == "cpu" else int(resources.get("GPU", 0))
         count = min(shards, workers or gpus or max(1, int(resources.get("CPU", 1))))
+        self._threads = min(ENCODERS, max(1, int(resources.get("CPU", 1)) // count))
         self._options: dict[str, Any] = {"num_cpus": 1, "num_gpus": 1 if gpus else 0}
         self._actors: list[Any] = []
         self._under_way: dict[Any, tuple[Any, int | None]] = {}  # actor and shard of a call, None until it is there
@@ -139,7 +143,7 @@ class _Makers:
                 ray.kill(actor)
 
     def _start(self) -> None:
-        actor = ray.remote(ShardMaker).options(**self._options).remote(self._plan)
+        actor = ray.remote(ShardMaker).options(**self._options).remote(self._plan, self._threads)
         self._actors.append(actor)
         self._under_way[actor.ready.remote()] = actor, None
 

@@ -62,9 +62,10 @@ def complete(plan: Plan, make: Callable[[list[int]], None], progress: Progress, 
             merge_shards(plan, folder)
 
 
-def encoders() -> int:
-    """Threads that encode images, if one process alone does."""
-    return min(ENCODERS, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+def encoders(processes: int = 1) -> int:
+    """Threads that encode images, of each of so many processes on this machine."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(ENCODERS, max(1, processors // processes))
 
 
 def run_shard(

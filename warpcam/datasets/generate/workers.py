@@ -113,7 +113,7 @@ def _processes(plan: Plan, count: int) -> Iterator[list[Worker]]:
         for number in range(count):
             device = devices[number % len(devices)].alias if devices else plan.device
             here, there = context.Pipe()
-            arguments = (dataclasses.replace(plan, device=device), there, max(2, encoders() // count))
+            arguments = (dataclasses.replace(plan, device=device), there, encoders(count))
             process = context.Process(target=_work, args=arguments, daemon=True)
             process.start()
             there.close()
