@@ -1,17 +1,23 @@
 """COCO data sets, as pycocotools reads them."""
 
+import dataclasses
+import io
 import json
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import warp as wp
-from dataset_plans import plan_of
+from dataset_plans import RECIPES, plan_of
 from PIL import Image, ImageDraw
 from pycocotools.coco import COCO
 
-from warpcam.datasets.generate import Worlds, generate
+import warpcam as wc
+from warpcam.datasets.generate import Plan, Worlds, generate
+from warpcam.datasets.generate.frames import Frame
+from warpcam.datasets.generate.statistics import DEPTHS
 
 # pycocotools with numpy 2.
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -85,6 +91,31 @@ def test_parts_for_training_and_validation(tmp_path: Path) -> None:
         assert {each["image_id"] for each in part["annotations"]} <= own
 
 
+def drawn(plan: Plan, first: int, end: int) -> list[Frame]:
+    return list(Worlds(plan).draw(range(first, min(first + plan.worlds, end))))
+
+
+def test_files_of_the_device(device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of JPEG files that the device encodes every one is its image's."""
+    pytest.importorskip("torchcodec.encoders", reason="pip install 'warpcam[jpeg]'")
+    recipes = RECIPES.replace("backgrounds:", "# backgrounds:")
+    plan = plan_of(tmp_path, recipes=recipes, image_format="jpg", jpeg="torchcodec", device=device.alias, quality=95)
+    generate(plan)
+    for frame in drawn(plan, 0, 3):
+        assert frame.jpeg == (Path(plan.out) / f"shards/000000/images/{frame.stem}.jpg").read_bytes()
+        found, shown = Image.open(io.BytesIO(frame.jpeg)).convert("L"), Image.fromarray(frame.colors).convert("L")
+        assert np.abs(np.asarray(found, int) - np.asarray(shown, int)).mean() < 3.0  # chroma has fewer pixels on CPUs
+    with pytest.raises(wc.WarpcamError, match="made with other jpeg;"):
+        generate(dataclasses.replace(plan, jpeg="pillow"))
+    with pytest.raises(wc.WarpcamError, match=r"'torchcodec' is for \.jpg, and for recipes without backgrounds"):
+        plan_of(tmp_path, image_format="jpg", jpeg="torchcodec")
+    monkeypatch.setitem(sys.modules, "torchcodec.encoders", None)
+    with pytest.raises(
+        wc.WarpcamError, match=r"jpeg 'torchcodec' cannot be used \(.*\); pip install 'warpcam\[jpeg\]'"
+    ):
+        Worlds(plan)
+
+
 def test_contact_sheet_and_statistics(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, count=5)
     generate(plan)
@@ -94,6 +125,10 @@ def test_contact_sheet_and_statistics(tmp_path: Path) -> None:
     assert total["instances"] == counts and total["classes"] == ["box", "round"] and total["frames"] == 5
     assert sum(total["sizes"]) == sum(total["visibility"]) == len(annotations)
     assert sum(total["depth"]) + total["depth_missing"] == 5 * 64 * 48
+    depths = np.concatenate([frame.depth.ravel() for first in (0, 3) for frame in drawn(plan, first, 5)])
+    seen = np.isfinite(depths) & (depths > 0.0)
+    expected, _ = np.histogram(np.clip(depths[seen], DEPTHS[0], DEPTHS[-1] * 0.999), DEPTHS.astype(np.float32))
+    assert np.abs(expected - total["depth"]).sum() <= 4 and total["depth_missing"] == (~seen).sum()  # at edges of bins
     page = (Path(plan.out) / "statistics.html").read_text()
     assert f"{len(annotations)} visible instances" in page and "<th>round</th>" in page
     assert np.asarray(Image.open(Path(plan.out) / "contact_sheet.png")).shape == (240, 5 * 324 - 4, 3)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from dataset_plans import files_of, plan_of, shards_of
 
 import warpcam as wc
 from warpcam.datasets.generate import Worlds, generate
+from warpcam.datasets.generate.random_numbers import generator
 from warpcam.datasets.generate.shards import ShardFolder
 from warpcam.datasets.writers import coco
 from warpcam.tools import cli
@@ -128,7 +130,7 @@ def test_a_killed_worker(tmp_path: Path, quick: None) -> None:
 
 
 def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    plan, encode, written = plan_of(tmp_path, recipes=None), coco.encode_colors, []
+    plan, encode, written = plan_of(tmp_path, recipes=None), coco.encode_frame, []
 
     def encode_until_full(*arguments: Any) -> bytes:
         written.append(1)
@@ -136,15 +138,71 @@ def test_disk_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return encode(*arguments)
 
-    monkeypatch.setattr(coco, "encode_colors", encode_until_full)
+    monkeypatch.setattr(coco, "encode_frame", encode_until_full)
     with says(f"no space left for {plan.out!r}; finished shards are whole: free space"):
         generate(plan)
     assert shards_of(plan.out) == ["000000"]
     assert not json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
-    monkeypatch.setattr(coco, "encode_colors", encode)
+    monkeypatch.setattr(coco, "encode_frame", encode)
     generate(plan)
     assert shards_of(plan.out) == ["000000", "000001", "000002"]
     assert json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
+
+
+def test_disk_full_in_a_worker(tmp_path: Path, quick: None) -> None:
+    site = tmp_path / "site" / "sitecustomize.py"
+    full = "def full(*_):\n    raise OSError(errno.ENOSPC, 'No space left on device')\n"
+    imports = "import errno\nimport warpcam.datasets.generate\nfrom warpcam.datasets.writers import coco\n"
+    patched = f"{imports}{full}coco.encode_frame = full\n"
+    site.write_text(
+        f"{site.read_text()}import sys\nif 'spawn_main' in ' '.join(sys.orig_argv):\n{indent(patched, '    ')}"
+    )
+    plan = plan_of(tmp_path, recipes=None, count=4, shard_size=2)
+    with says(f"no space left for {plan.out!r}; finished shards are whole: free space"):
+        generate(plan, 2)
+    assert shards_of(plan.out) == [] and not multiprocessing.active_children()
+
+
+def test_disk_full_at_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All shards are whole, and the same command merges them when there is room again."""
+    plan = plan_of(tmp_path, recipes=None)
+
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as fault:
+        fault.setattr(coco, "_write", full)
+        with says("finished shards are whole: free space and run the same command again"):
+            generate(plan)
+    before = {path: path.stat().st_mtime_ns for path in Path(plan.out).glob("shards/*/*")}
+    assert shards_of(plan.out) == ["000000", "000001", "000002"]
+    generate(plan)
+    assert before == {path: path.stat().st_mtime_ns for path in Path(plan.out).glob("shards/*/*")}
+    assert json.loads((Path(plan.out) / "manifest.json").read_text())["complete"]
+
+
+def test_parts_of_an_array_of_jobs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = plan_of(tmp_path, "one", recipes=None, count=10, shard_size=2)
+    generate(plan)
+    parts = dataclasses.replace(plan, out=str(tmp_path / "parts"))
+    with ShardFolder(parts, "shards").locked(shared=True):  # another job of the array
+        generate(parts, part=(1, 3))
+        assert shards_of(parts.out) == ["000001", "000004"]
+        with says("another run writes to folder"):
+            generate(parts)
+    with ShardFolder(parts, "shards").locked(), says("another run writes to folder"):
+        generate(parts, part=(0, 3))
+    command = ["dataset", plan.scene, "--writer", "coco", "--count", "10", "--shard-size", "2", "--worlds", "3"]
+    command += ["--size", "64x48", "--device", "cpu", "--antialiasing", "1", "--image-format", "png"]
+    command += ["--out", parts.out]
+    assert cli.main([*command, "--shards", "0/3"]) == 0
+    assert "the same command without --shards completes it" in capsys.readouterr().out
+    assert shards_of(parts.out) == ["000000", "000001", "000003", "000004"]
+    assert cli.main(command) == 0
+    assert files_of(parts.out) == files_of(plan.out)
+    for wrong in ("3/3", "1", "a/b", "-1/2"):
+        assert cli.main([*command, f"--shards={wrong}"]) == 2
+        assert "--shards: " in capsys.readouterr().err
 
 
 def test_folders_that_cannot_be_used(tmp_path: Path) -> None:
@@ -279,3 +337,40 @@ distractors: {count: [0, 4], low: [-1, -1, 0.5], high: [1, 1, 1], size: [0.1, 0.
     assert len(np.unique(np.round(places, 4), axis=0)) == 4
     assert max(seen) > 3 and len(set(seen)) > 1  # distractors, not the same number in all samples
     assert np.min(places, axis=0)[0] >= 1.0 and np.max(places, axis=0)[0] <= 2.0
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj"])
+def test_distractors_beside_meshes(kind: str, device: wp.Device, tmp_path: Path) -> None:
+    """A ball of a file in its own axes and units; distractors are where the recipe has them, in metres, z up."""
+    trimesh = pytest.importorskip("trimesh", reason="pip install 'warpcam[meshes]'")
+    trimesh.Scene({"mug": trimesh.creation.icosphere(radius=0.3)}).export(tmp_path / f"scene.{kind}")
+    text = """
+cameras: {orbit: {shell: {radius: 5, target: [0, 0, 0], elevation: 0, azimuth: 270}}}
+distractors: {count: [1, 5], low: [1, 0, 1], high: [1, 0, 1], size: [0.1, 0.2]}
+"""
+    plan = plan_of(tmp_path, recipes=text, worlds=4, device=device.alias)
+    plan = dataclasses.replace(plan, scene=str(tmp_path / f"scene.{kind}"))
+    worlds = Worlds(plan)
+    for frame in worlds.draw(range(4)):
+        (ball,) = frame.instances
+        assert frame.classes == (ball.name.rsplit("/", 1)[-1],)
+        others = (frame.ids >= 0) & (frame.ids != ball.id)
+        assert others.any() and frame.mask(ball).any()
+        rows, columns = np.nonzero(others)
+        focal, middle_x, middle_y = frame.intrinsics[1], *frame.intrinsics[2:]
+        depth = frame.depth[others]  # seen from -y: to the right is +x, up is +z
+        x, z = (columns + 0.5 - middle_x) * depth / focal, (middle_y - rows - 0.5) * depth / focal
+        assert np.hypot(x - 1.0, z - 1.0).max() < 0.5 and np.abs(depth - 5.0).max() < 0.5
+        assert np.hypot(x - 1.0, z - 1.0).min() < 0.1
+
+
+def test_random_numbers_are_the_sample_s_and_the_purpose_s() -> None:
+    first, second = (generator(7, sample, "pose") for sample in (0, 1))  # side by side
+    numbers = np.array([(first.random(), second.random()) for _ in range(1000)])
+    for sample in (0, 1):
+        np.testing.assert_array_equal(generator(7, sample, "pose").random(1000), numbers[:, sample])
+    others = [numbers[:, 1], generator(7, 0, "looks").random(1000), generator(8, 0, "pose").random(1000)]
+    assert all(abs(np.corrcoef(numbers[:, 0], other)[0, 1]) < 0.12 for other in others)
+    drawn = generator(7, 0, "pose")
+    assert drawn.integers(2**31) == generator(7, 0, "pose").integers(2**31) and drawn.random() != numbers[0, 0]
+    assert generator(2**63 - 1, 10**9, "pose").random() < 1.0

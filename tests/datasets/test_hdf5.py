@@ -2,8 +2,6 @@
 
 import json
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +10,12 @@ import pytest
 import recorded_steps as steps
 import torch
 import warp as wp
+from disk_limits import files_of_at_most
 
 h5py = pytest.importorskip("h5py", reason="pip install 'warpcam[datasets]'")
 
 from warpcam.datasets import Writer  # noqa: E402
-from warpcam.datasets.trajectories.hdf5_storage import as_os_error  # noqa: E402
+from warpcam.datasets.trajectories.hdf5_join import as_os_error  # noqa: E402
 from warpcam.datasets.trajectories.parts import Parts  # noqa: E402
 from warpcam.errors import WarpcamError  # noqa: E402
 
@@ -199,19 +198,6 @@ def test_a_crash_when_the_file_is_made(device: wp.Device, tmp_path: Path, monkey
     assert (writer.written, writer.episodes) == (1, 3)
     with h5py.File(path) as file:
         assert len(file["data"]) == 3 and file["data"].attrs["total"] == 3 + 4 + 3
-
-
-@contextmanager
-def files_of_at_most(size: int) -> Iterator[None]:
-    """Have the system refuse to write more bytes than these into a file: a full disk."""
-    import resource
-
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of files' sizes")

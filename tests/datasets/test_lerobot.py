@@ -18,8 +18,7 @@ pd = pytest.importorskip("pandas", reason="pip install 'warpcam[datasets]'")
 parquet = pytest.importorskip("pyarrow.parquet", reason="pip install 'warpcam[datasets]'")
 
 from warpcam.datasets import Writer  # noqa: E402
-from warpcam.datasets.trajectories import lerobot as ours  # noqa: E402
-from warpcam.datasets.trajectories import lerobot_assembly, statistics, videos  # noqa: E402
+from warpcam.datasets.trajectories import lerobot_assembly, lerobot_layout, statistics, videos  # noqa: E402
 from warpcam.datasets.trajectories.parts import Parts  # noqa: E402
 from warpcam.errors import WarpcamError  # noqa: E402
 
@@ -157,8 +156,8 @@ def test_lossless_images(device: wp.Device, tmp_path: Path) -> None:
 def test_large_recordings_have_several_files(
     device: wp.Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ours, "TABLE_SIZE", 0.005)
-    monkeypatch.setattr(ours, "CHUNK", 2)
+    monkeypatch.setattr(lerobot_layout, "TABLE_SIZE", 0.005)
+    monkeypatch.setattr(lerobot_layout, "CHUNK", 2)
     order = record(tmp_path / "lift", device)
     files = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("lift/data/*/*"))
     assert files[:3] == [f"lift/data/chunk-00{chunk}/file-00{file}.parquet" for chunk, file in ((0, 0), (0, 1), (1, 0))]

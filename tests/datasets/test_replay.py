@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
+from disk_limits import files_of_at_most
 
 h5py = pytest.importorskip("h5py", reason="pip install 'warpcam[datasets]'")
 mujoco = pytest.importorskip("mujoco", reason="pip install 'warpcam[mujoco]'")
@@ -183,6 +185,20 @@ def test_an_interrupted_replay_goes_on(device: wp.Device, demos: Path, tmp_path:
     assert len(calls) == 1
     with h5py.File(output) as file:
         assert [len(demo["obs/front_image"]) for demo in file["data"].values()] == [7, 3, 5]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no limits of files' sizes")
+def test_a_disk_that_is_full_at_the_end(device: wp.Device, demos: Path, tmp_path: Path) -> None:
+    """Demonstrations that were finished stay, and are the file when there is room again."""
+    output = tmp_path / "images.hdf5"
+    options: dict[str, Any] = {"cameras": ("front",), "width": WIDTH, "height": HEIGHT, "device": device}
+    message = r"replay: '.*images\.hdf5' could not be written, its demonstrations are in .*: File too large"
+    with files_of_at_most(90_000), pytest.raises(WarpcamError, match=message):
+        replay(demos, output, **options)
+    assert len(Parts(output, ".hdf5").all()) == 3 and not output.exists()
+    replay(demos, output, append=True, **options)
+    with h5py.File(output) as file:
+        assert file["data"].attrs["total"] == 15 == sum(len(demo["obs/front_image"]) for demo in file["data"].values())
 
 
 def test_the_command(demos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

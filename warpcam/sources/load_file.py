@@ -1,6 +1,6 @@
 """Reader of a file, chosen by the file's extension."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
 from warpcam.sources.common.formats import MESHES, MUJOCO, USD
 from warpcam.sources.common.optional import import_source
+from warpcam.sources.common.scene_graph import SceneGraph
 from warpcam.sources.robots.packages import check_packages
 
 
@@ -24,8 +25,9 @@ def load(
     textures: Mapping[str, Any],
     transparency: bool | None = None,
     packages: Mapping[str, Any] | None = None,
+    add: Callable[[SceneGraph], None] | None = None,
 ) -> Scene:
-    """See ``warpcam.load``."""
+    """See ``warpcam.load``; ``add`` adds to what a file of meshes has before a scene is made of it."""
     if not isinstance(path, str | Path):
         raise WarpcamError(f"load: path must be a path, got {type(path).__name__}")
     file = Path(path)
@@ -83,5 +85,6 @@ def load(
         up_axis=up_axis,
         textures=textures,
         transparency=transparency,
+        add=add,
     )
     return scene

@@ -2,15 +2,19 @@
 
 import argparse
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import warp as wp
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, ProgressColumn, TextColumn, TimeRemainingColumn
 from rich.text import Text
 
+from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.generate import Plan, generate, read_recipes
+from warpcam.datasets.generate import Plan, Recipes, device_jpeg, generate, read_recipes
+from warpcam.datasets.generate.run import Part
 from warpcam.datasets.writers import WRITERS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
@@ -45,10 +49,30 @@ def add(command: argparse.ArgumentParser) -> None:
         "--shard-size", type=int, default=100, metavar="N", help="samples of a shard (default: %(default)s)"
     )
     command.add_argument("--worlds", type=int, default=16, metavar="N", help="drawn at once (default: %(default)s)")
-    command.add_argument("--workers", type=int, default=1, metavar="N", help="processes (default: %(default)s)")
+    command.add_argument(
+        "--workers", type=int, metavar="N", help="processes (default: 1, with --ray one for each GPU or processor)"
+    )
+    command.add_argument(
+        "--ray",
+        nargs="?",
+        const="",
+        metavar="ADDRESS",
+        help="on a Ray cluster (default: one that runs here, or a new one)",
+    )
+    command.add_argument(
+        "--shards",
+        metavar="I/N",
+        help="only every N-th shard from the I-th on (from 0); without it, complete the data set",
+    )
     command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: all GPUs in turns, or the CPU)")
     command.add_argument("--image-format", choices=("jpg", "png"), default="jpg", help="default: %(default)s")
     command.add_argument("--quality", type=int, default=92, metavar="Q", help="of .jpg, 1 to 95 (default: %(default)s)")
+    command.add_argument(
+        "--jpeg",
+        choices=("pillow", "torchcodec"),
+        help="what encodes .jpg (default: torchcodec, by nvJPEG, if it is there, a GPU draws, and no photographs are "
+        "put behind images)",
+    )
     command.add_argument(
         "--antialiasing", type=int, default=4, metavar="N", help="samples of an edge (default: %(default)s)"
     )
@@ -63,6 +87,7 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the data set; returns the exit code."""
     width, height = image_size(options.size)
+    recipes = read_recipes(options.randomize)
     plan = Plan(
         scene=str(options.scene or batch_file.DEMO),
         out=str(options.out),
@@ -72,12 +97,13 @@ def run(options: argparse.Namespace) -> int:
         width=width,
         height=height,
         cameras=tuple(options.camera) if options.camera else None,
-        recipes=read_recipes(options.randomize),
+        recipes=recipes,
         shard_size=options.shard_size,
         worlds=options.worlds,
         device=options.device,
         image_format=options.image_format,
         quality=options.quality,
+        jpeg=options.jpeg or _encoder(options, recipes),
         antialiasing=options.antialiasing,
         validation=options.validation,
         options=tuple(map(_option, options.option)),
@@ -97,15 +123,44 @@ def run(options: argparse.Namespace) -> int:
                 progress.advance(samples, done)
 
         try:
-            generate(plan, options.workers, advance)
+            _generate(plan, options, advance)
         except KeyboardInterrupt:
             raise WarpcamError("dataset: interrupted; run the same command again to go on") from None
+    if options.shards is not None:
+        print(
+            f"shards {options.shards} are in {plan.out}; once all are, the same command without --shards completes it"
+        )
+        return 0
     made, seconds = plan.count - known, time.perf_counter() - begun
     print(
         f"{plan.count:,} samples in {plan.out}, {made:,} of them made now in {seconds:.1f} s ({made / seconds:,.1f} a "
         "second); look at contact_sheet.png and statistics.html"
     )
     return 0
+
+
+def _encoder(options: argparse.Namespace, recipes: Recipes) -> str:
+    """What encodes .jpg if nobody says it."""
+    on_gpu = wp.is_cuda_available() if options.device is None else resolve(options.device).is_cuda
+    fits = options.image_format == "jpg" and recipes.backgrounds is None
+    return "torchcodec" if on_gpu and fits and device_jpeg.is_installed() else "pillow"
+
+
+def _generate(plan: Plan, options: argparse.Namespace, advance: Callable[[int], None]) -> None:
+    part = None if options.shards is None else _part(options.shards)
+    if options.ray is None:
+        generate(plan, 1 if options.workers is None else options.workers, advance, part)
+        return
+    from warpcam.datasets.generate.cluster import generate_on_ray
+
+    generate_on_ray(plan, options.ray or None, options.workers, advance, part)
+
+
+def _part(text: str) -> Part:
+    first, sign, count = text.partition("/")
+    if not (sign and first.isdecimal() and count.isdecimal()):
+        raise WarpcamError(f"--shards: {text!r} came, I/N is needed, such as 0/8")
+    return int(first), int(count)
 
 
 def _option(text: str) -> tuple[str, Any]:

@@ -41,6 +41,10 @@ def choose_cameras(plan: Plan, scene: warpcam.Scene) -> dict[str, tuple[str | in
         else:
             has = ", ".join(map(repr, known)) or "none"
             raise WarpcamError(f"cameras: {name!r} came without a shell, the cameras of the scene are: {has}")
+    files: dict[str, str] = {}
+    for name in found:
+        if (other := files.setdefault(file_name(name), name)) != name:
+            raise WarpcamError(f"cameras: files of {other!r} and {name!r} would have the same names; leave one away")
     for name, _ in plan.recipes.sensors:
         if name not in found:
             raise WarpcamError(f"sensors: {name!r} is none of the cameras, which are {', '.join(found)}")
@@ -79,21 +83,21 @@ def shell_poses(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Positions (sample, 3) [m] and rotations (sample, 4) w x y z of a camera on a shell, float32."""
     target = middle if shell.target is None else np.array(shell.target)
-    positions, matrices = np.empty((len(samples), 3)), np.empty((len(samples), 3, 3))
+    drawn = np.empty((len(samples), 7))
     for place, sample in enumerate(samples):
         random = generator(plan.seed, sample, f"camera {name}")
         radius = random.uniform(*shell.radius)
         # Elevations as a sphere's area has them.
         sine = random.uniform(*np.sin(np.radians(shell.elevation)))
-        azimuth, roll = np.radians(random.uniform(*shell.azimuth)), np.radians(random.uniform(*shell.roll))
-        looked_at = target + random.uniform(-1.0, 1.0, 3) * shell.spread
-        level = np.sqrt(1.0 - sine * sine)
-        backward = np.array([level * np.cos(azimuth), level * np.sin(azimuth), sine])
-        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-        up = np.cross(backward, right)
-        turned = np.cos(roll) * right + np.sin(roll) * up
-        positions[place] = looked_at + radius * backward
-        matrices[place] = np.stack((turned, np.cross(backward, turned), backward), axis=1)
+        drawn[place, :4] = radius, sine, random.uniform(*shell.azimuth), random.uniform(*shell.roll)
+        drawn[place, 4:] = random.uniform(-1.0, 1.0, 3)
+    (radius, sine), (azimuth, roll) = drawn[:, :2].T, np.radians(drawn[:, 2:4].T)
+    level, nothing = np.sqrt(1.0 - sine * sine), np.zeros(len(samples))
+    backward = np.stack((level * np.cos(azimuth), level * np.sin(azimuth), sine), axis=1)
+    right = np.stack((-np.sin(azimuth), np.cos(azimuth), nothing), axis=1)
+    turned = np.cos(roll)[:, None] * right + np.sin(roll)[:, None] * np.cross(backward, right)
+    positions = target + drawn[:, 4:] * shell.spread + radius[:, None] * backward
+    matrices = np.stack((turned, np.cross(backward, turned), backward), axis=2)
     quaternions = rotation_quaternions(matrices)
     quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
     return positions.astype(np.float32), quaternions.astype(np.float32)

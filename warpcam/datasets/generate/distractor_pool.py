@@ -8,6 +8,7 @@ from warpcam.datasets.generate.plan import Plan
 from warpcam.datasets.generate.random_numbers import any_rotation, apart, generator
 from warpcam.datasets.generate.recipes import Distractors
 
+ROOT = "/WarpcamDistractors"  # of their paths in scenes of files
 SPARE = 64  # things of a pool beyond those that a sample may have, at most
 
 
@@ -24,6 +25,7 @@ class DistractorPool:
 
     Attributes:
         things: All that there are.
+        paths: Path of each in scenes of files.
     """
 
     def __init__(self, plan: Plan, recipe: Distractors):
@@ -34,6 +36,7 @@ class DistractorPool:
             Thing(recipe.shapes[int(random.integers(len(recipe.shapes)))], random.uniform(*recipe.size, 3))
             for _ in range(count)
         ]
+        self.paths = [f"{ROOT}/thing{number}" for number in range(count)]
 
     def chosen(self, sample: int) -> np.ndarray:
         """Numbers of the things that a sample has."""

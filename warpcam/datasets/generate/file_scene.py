@@ -1,7 +1,8 @@
 """Worlds of a USD or mesh file: things are placed, and materials have images, as the sample says."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,14 @@ import warp as wp
 
 import warpcam
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.generate import usd_distractors
-from warpcam.datasets.generate.distractor_pool import DistractorPool
+from warpcam.datasets.generate import mesh_distractors, usd_distractors
+from warpcam.datasets.generate.distractor_pool import ROOT, DistractorPool
 from warpcam.datasets.generate.image_files import image_files
 from warpcam.datasets.generate.placements import placed
 from warpcam.datasets.generate.plan import Plan
 from warpcam.datasets.generate.recipes import Draw, Placement
+from warpcam.kernels.runtime.streams import preserve_cuda_context
+from warpcam.sources import load_file
 from warpcam.sources.common import formats
 
 
@@ -30,18 +33,9 @@ class FileScene:
         files = [] if recipe is None else image_files(recipe.folder, "textures: folder")
         textures = {f"warpcam dataset {number}": path for number, path in enumerate(files)}
         self._pool: DistractorPool | None = None
-        if plan.recipes.distractors is None:
-            scene = warpcam.load(plan.scene, plan.worlds, device=device, textures=textures)
-            if not isinstance(scene, warpcam.DrivenScene):
-                raise WarpcamError(f"scene: {plan.scene!r} is no USD or mesh file")
-        elif Path(plan.scene).suffix.lower() in formats.USD:
+        if plan.recipes.distractors is not None:
             self._pool = DistractorPool(plan, plan.recipes.distractors)
-            stage = usd_distractors.stage_with(plan.scene, self._pool)
-            scene = warpcam.from_usd(stage, plan.worlds, device=device, textures=textures)
-        else:
-            raise WarpcamError(
-                "distractors: scenes of .xml, .urdf and USD files have them, those of mesh files have not"
-            )
+        scene = _load(plan, device, textures, self._pool)
         self.scene: warpcam.DrivenScene = scene
         self.draws: dict[str, Draw] = {}
         if recipe is not None:
@@ -67,7 +61,7 @@ class FileScene:
             return {number: label for label, number in self.scene.semantics.items()}
         paths = {"body": self.scene.bodies, "instance": self.scene.instances, "shape": self.scene.shapes}[by]
         named = enumerate(paths)
-        return {number: path for number, path in named if path and not path.startswith(usd_distractors.ROOT)}
+        return {number: path for number, path in named if path and not path.startswith(ROOT)}
 
     def default_grouping(self) -> str:
         if self.scene.semantics:
@@ -96,19 +90,19 @@ class FileScene:
             for world, (sample, own) in enumerate(zip(samples, taken, strict=True)):
                 for number, pose in self._pool.poses(sample, own).items():
                     things[world, number] = pose
-            self.scene.set_poses(usd_distractors.paths_of(self._pool), things)
+            self.scene.set_poses(self._pool.paths, things)
 
     def finish_looks(self, samples: Sequence[int]) -> None:
         if self._pool is not None:
             colors = np.stack([self._pool.colors(sample) for sample in samples])
-            columns = [self.scene.shapes.index(f"{path}/shape") for path in usd_distractors.paths_of(self._pool)]
+            columns = [self.scene.shapes.index(f"{path}/shape") for path in self._pool.paths]
             tensor = self.scene.vary("shape_colors")
             tensor[:, torch.as_tensor(columns, device=tensor.device)] = torch.from_numpy(colors).to(tensor.device)
 
     def _choose_paths(self) -> list[tuple[str, Placement, np.ndarray]]:
         """Paths that the recipes place, with the rotations of the file."""
         every = dict.fromkeys([*self.scene.bodies, *self.scene.instances, *self.scene.shapes])
-        known = [path for path in every if not path.startswith(usd_distractors.ROOT)]
+        known = [path for path in every if not path.startswith(ROOT)]
         chosen: dict[str, Placement] = {}
         for pattern, recipe in self._plan.recipes.poses:
             found = [path for path in known if path and fnmatchcase(path, pattern)]
@@ -117,3 +111,17 @@ class FileScene:
             for path in found:
                 chosen.setdefault(path, recipe)
         return [(path, recipe, self.scene.pose(path)[3:]) for path, recipe in chosen.items()]
+
+
+@preserve_cuda_context()
+def _load(
+    plan: Plan, device: wp.Device, textures: Mapping[str, Path], pool: DistractorPool | None
+) -> warpcam.DrivenScene:
+    path = Path(plan.scene)
+    if pool is not None and path.suffix.lower() in formats.USD:
+        stage = usd_distractors.stage_with(plan.scene, pool)
+        return warpcam.from_usd(stage, plan.worlds, device=device, textures=textures)
+    add = None if pool is None else partial(mesh_distractors.add, pool)
+    scene = load_file.load(path, plan.worlds, device, None, "Z", textures, add=add)
+    assert isinstance(scene, warpcam.DrivenScene)  # the kind of file is known
+    return scene

@@ -13,6 +13,7 @@ class Instance:
         id: In the image of ids.
         name: Of the instance in its scene.
         category: Place of its class in ``Frame.classes``.
+        model: Place of its surface among ``ShardLayout.models``; -1 unless the writer needs them.
         visible_box: x0, y0, x1, y1 [pixels], half-open.
         visible_pixels: Pixels that show it.
         amodal_box: Likewise, of the instance alone.
@@ -34,6 +35,7 @@ class Instance:
     id: int
     name: str
     category: int
+    model: int
     visible_box: tuple[int, int, int, int]
     visible_pixels: int
     amodal_box: tuple[int, int, int, int]
@@ -62,7 +64,9 @@ class Frame:
         number: Of the image among all of the data set.
         stem: Of the image's file name.
         colors: (height, width, 3) uint8.
+        jpeg: The colours as a .jpg file, if the plan has the device encode them, else None.
         depth: (height, width) float32, planar [m], inf where nothing is hit; as a sensor measures it if there is one.
+        depth_counts: Pixels of each bin of ``statistics.DEPTHS``, and of those without depth, (bin + 1,).
         ids: (height, width) int32.
         intrinsics: fx, fy, cx, cy [pixels], the first pixel's centre at (0.5, 0.5); None: the lens is no pinhole.
         camera_position: In the world [m], (3,).
@@ -77,7 +81,9 @@ class Frame:
     number: int
     stem: str
     colors: np.ndarray
+    jpeg: bytes | None
     depth: np.ndarray
+    depth_counts: np.ndarray
     ids: np.ndarray
     intrinsics: tuple[float, float, float, float] | None
     camera_position: np.ndarray

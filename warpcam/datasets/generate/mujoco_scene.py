@@ -15,7 +15,7 @@ from warpcam.datasets.generate.distractor_pool import DistractorPool
 from warpcam.datasets.generate.image_files import image_files, read_texture
 from warpcam.datasets.generate.placements import placed
 from warpcam.datasets.generate.plan import Plan
-from warpcam.datasets.generate.random_numbers import seed_of
+from warpcam.datasets.generate.random_numbers import generator
 from warpcam.datasets.generate.recipes import Distractors, Draw, Textures
 from warpcam.sources.mujoco import batch_file
 
@@ -92,12 +92,23 @@ class MujocoScene:
 
     def place(self, samples: Sequence[int]) -> None:
         """Give each world the joints and bodies of its sample."""
+        joints, positions, rotations = self.states(samples)
+        data = self._batch.data
+        data.qpos.assign(joints.astype(np.float32))
+        if self.host.nmocap:
+            data.mocap_pos.assign(positions.astype(np.float32))
+            data.mocap_quat.assign(rotations.astype(np.float32))
+        batch_file.forward(self._batch)
+
+    def states(self, samples: Sequence[int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Joint positions (sample, nq), and positions and quaternions of mocap bodies (sample, nmocap, 3 and 4)."""
         joints = np.tile(self._start, (len(samples), 1))
         positions, rotations = (np.repeat(array[None], len(samples), 0) for array in self._mocap)
+        if self._recipes.joints == "random":
+            count = sum(batch_file.joint_numbers(self.host))
+            numbers = [generator(self._plan.seed, sample, "joints").random(count) for sample in samples]
+            joints[:] = batch_file.varied_joints(self.host, self._start, np.array(numbers).reshape(len(samples), count))
         for world, sample in enumerate(samples):
-            if self._recipes.joints == "random":
-                seed = seed_of(self._plan.seed, sample, "joints")
-                joints[world] = batch_file.joint_positions(self.host, self._start, num_worlds=2, seed=seed)[1]
             taken: list[np.ndarray] = []
             poses = placed(
                 self._plan, sample, [(name, recipe, self._rotation(name)) for name, recipe in self._placed], taken
@@ -114,12 +125,7 @@ class MujocoScene:
                 for number, pose in self._pool.poses(sample, taken).items():
                     mocap = self._mocaps[number]
                     positions[world, mocap], rotations[world, mocap] = pose[:3], pose[3:]
-        data = self._batch.data
-        data.qpos.assign(joints.astype(np.float32))
-        if self.host.nmocap:
-            data.mocap_pos.assign(positions.astype(np.float32))
-            data.mocap_quat.assign(rotations.astype(np.float32))
-        batch_file.forward(self._batch)
+        return joints, positions, rotations
 
     def finish_looks(self, samples: Sequence[int]) -> None:
         """Colour the distractors of each sample, and hide those that it lacks; after all other draws."""

@@ -1,13 +1,14 @@
 """A data set before it is made: everything that its samples follow from."""
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
+from warpcam.datasets.generate.image_files import image_files
 from warpcam.datasets.generate.recipes import Recipes
+from warpcam.datasets.generate.scene_files import digest_of, digests
 from warpcam.sources.common import formats
 
 
@@ -33,6 +34,7 @@ class Plan:
         device: Name of the device; None is the first GPU, or the CPU.
         image_format: "png" or "jpg" of colour images.
         quality: Of .jpg, from 1 to 95.
+        jpeg: What encodes .jpg: "pillow", in threads of the host, or "torchcodec", on the device: nvJPEG on GPUs.
         antialiasing: As ``Camera`` has it.
         validation: Share of the samples, drawn by number, that are listed for validation.
         options: Of the writer, by name.
@@ -52,6 +54,7 @@ class Plan:
     device: str | None = None
     image_format: str = "jpg"
     quality: int = 92
+    jpeg: str = "pillow"
     antialiasing: int = 4
     validation: float = 0.0
     options: tuple[tuple[str, Any], ...] = ()
@@ -71,6 +74,10 @@ class Plan:
                 raise WarpcamError(f"dataset: {name} must be a whole number from {low} to {high}, got {value!r}")
         if self.image_format not in ("png", "jpg"):
             raise WarpcamError(f"dataset: image_format must be 'png' or 'jpg', got {self.image_format!r}")
+        if self.jpeg not in ("pillow", "torchcodec"):
+            raise WarpcamError(f"dataset: jpeg must be 'pillow' or 'torchcodec', got {self.jpeg!r}")
+        if self.jpeg == "torchcodec" and (self.image_format != "jpg" or self.recipes.backgrounds is not None):
+            raise WarpcamError("dataset: jpeg 'torchcodec' is for .jpg, and for recipes without backgrounds")
         if not 0.0 <= self.validation < 1.0:
             raise WarpcamError(f"dataset: validation must be a share from 0 to below 1, got {self.validation!r}")
         known = (*formats.MUJOCO, *formats.USD, *formats.MESHES)
@@ -92,13 +99,17 @@ class Plan:
     def parameters(self) -> dict[str, Any]:
         """All that samples follow from, as plain values of JSON, by name; what they do not follow from is left out.
 
-        ``count`` is not among them: a data set may grow.
+        ``count`` is not among them: a data set may grow. All files that samples follow from are read for their digests.
         """
         plain = asdict(self)
         for name in ("out", "count", "worlds", "device"):
             del plain[name]
         plain["scene"] = Path(self.scene).name
-        plain["scene_sha256"] = hashlib.sha256(Path(self.scene).read_bytes()).hexdigest()
+        plain["scene_sha256"] = digests(Path(self.scene))
+        for name in ("textures", "backgrounds"):
+            recipe = getattr(self.recipes, name)
+            if recipe is not None:
+                plain[f"{name}_sha256"] = digest_of(image_files(recipe.folder, f"{name}: folder"))
         return json.loads(json.dumps(plain))
 
 

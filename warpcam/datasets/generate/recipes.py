@@ -132,7 +132,7 @@ class Backgrounds:
 
 @dataclass(frozen=True)
 class Distractors:
-    """Things that are not labelled, in scenes of MuJoCo and USD.
+    """Things that are not labelled.
 
     Attributes:
         count: How many a sample has.

@@ -22,11 +22,12 @@ from warpcam.datasets.generate.worlds import Worlds
 from warpcam.datasets.writers import WRITERS, find_writer
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
-ENCODERS = 8  # threads of a process that encode images, at most
+ENCODERS = 16  # threads of a process that encode images, at most
 QUEUED = 4  # frames of each thread that wait, at most
 PACKAGES = ("warpcam", "warp-lang", "mujoco", "mujoco-warp", "usd-core", "trimesh", "numpy", "pillow", "torch")
 
 Progress = Callable[[int], None]  # is told how many more samples are done
+Part = tuple[int, int]  # (i, n): of all shards the i-th, the n-th after it, and so on
 
 
 def prepare(plan: Plan) -> ShardFolder:
@@ -36,7 +37,40 @@ def prepare(plan: Plan) -> ShardFolder:
     return ShardFolder(plan, writer.root)
 
 
-def run_shard(plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambda _: None) -> None:
+def complete(plan: Plan, make: Callable[[list[int]], None], progress: Progress, part: Part | None = None) -> None:
+    """Have ``make`` make the shards that are missing, and merge all, or with a part make its shards alone.
+
+    Raises:
+        WarpcamError: Something of the plan is not allowed, or files cannot be written.
+    """
+    if part is not None and not 0 <= part[0] < part[1]:
+        raise WarpcamError(f"--shards: {part[0]}/{part[1]} came, I/N with I from 0 to N - 1 is needed")
+    folder = prepare(plan)
+    with folder.locked(shared=part is not None):
+        missing = missing_shards(plan, folder)
+        if part is not None:
+            missing = [shard for shard in missing if shard % part[1] == part[0]]
+        progress(plan.count - sum(len(plan.samples(shard)) for shard in missing))
+        if missing:
+            write_manifest(plan, folder, complete=False, more={})
+            try:
+                make(missing)
+            finally:
+                if part is None:
+                    folder.remove_temporaries()
+        if part is None:
+            merge_shards(plan, folder)
+
+
+def encoders(processes: int = 1) -> int:
+    """Threads that encode images, of each of so many processes on this machine."""
+    processors = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(ENCODERS, max(1, processors // processes))
+
+
+def run_shard(
+    plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambda _: None, threads: int | None = None
+) -> None:
     """Make one shard; its folder is there when it is whole.
 
     Args:
@@ -44,13 +78,14 @@ def run_shard(plan: Plan, shard: int, worlds: Worlds, progress: Progress = lambd
         shard: Its number.
         worlds: Of the plan; they may be used for one shard after another.
         progress: Called after each batch with its number of samples.
+        threads: That encode images; None is one for each processor, up to 16.
 
     Raises:
         WarpcamError: The shard cannot be written.
     """
     folder = prepare(plan)
     try:
-        _write_shard(plan, shard, worlds, folder, progress)
+        _write_shard(plan, shard, worlds, folder, progress, threads or encoders())
     except OSError as error:
         raise explained(error, folder.out) from error
 
@@ -114,16 +149,18 @@ def _merge_of(plan: Plan, folder: ShardFolder, shards: Sequence[FinishedShard]) 
     )
 
 
-def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, progress: Progress) -> None:
+def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, progress: Progress, threads: int) -> None:
     kind, samples = find_writer(plan.writer), plan.samples(shard)
     temporary = folder.begin(shard)
     layout = ShardLayout(
         folder=temporary,
+        index=shard,
         frames=len(samples) * len(worlds.cameras),
         first=samples.start * len(worlds.cameras),
         cameras=worlds.cameras,
         classes=worlds.classes,
         keypoint_names=worlds.keypoint_names,
+        models=worlds.models,
         width=plan.width,
         height=plan.height,
         image_format=plan.image_format,
@@ -132,7 +169,6 @@ def _write_shard(plan: Plan, shard: int, worlds: Worlds, folder: ShardFolder, pr
     )
     writer = kind(layout)
     total, previews = statistics.empty(len(worlds.classes)), Previews(temporary, layout.frames)
-    threads = min(ENCODERS, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
     with ThreadPoolExecutor(threads) as pool:
         queue: deque[Future[Any]] = deque()
         try:

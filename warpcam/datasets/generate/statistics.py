@@ -1,8 +1,10 @@
 """Statistics of a data set: counts that shards keep, and that add up."""
 
+import math
 from typing import Any
 
 import numpy as np
+import torch
 
 from warpcam.datasets.generate.frames import Frame
 
@@ -37,9 +39,7 @@ def of_frame(frame: Frame) -> dict[str, Any]:
     boxes = np.array([each.visible_box for each in seen], np.float64).reshape(-1, 4)
     found["sizes"] = _counts(np.sqrt((boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])), SIZES)
     found["visibility"] = _counts(np.array([each.visibility for each in seen]), SHARES)
-    measured = frame.depth[np.isfinite(frame.depth) & (frame.depth > 0.0)]
-    found["depth"] = _depth_counts(measured)
-    found["depth_missing"] = int(frame.depth.size - measured.size)
+    *found["depth"], found["depth_missing"] = frame.depth_counts.tolist()
     return found
 
 
@@ -56,9 +56,17 @@ def _counts(values: np.ndarray, edges: np.ndarray) -> list[int]:
     return np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0].tolist()
 
 
-def _depth_counts(depths: np.ndarray) -> list[int]:
-    """Likewise of depths [m], above 0: bins of equal width in logarithm, which takes a tenth of the time."""
-    bins = len(DEPTHS) - 1
-    low, high = np.log(DEPTHS[0]), np.log(DEPTHS[-1])
-    places = (np.log(depths) - low) * (bins / (high - low))
-    return np.bincount(np.clip(places, 0, bins - 1).astype(np.int64), minlength=bins).tolist()
+def depth_counts(depths: torch.Tensor) -> torch.Tensor:
+    """Pixels of each bin of ``DEPTHS``, and last of those without depth, (image, bin + 1) int64, on the images' device.
+
+    Args:
+        depths: (image, height, width) float32 [m]; what lies beyond the edges counts to the first or the last bin.
+    """
+    bins, low, high = len(DEPTHS) - 1, math.log(DEPTHS[0]), math.log(DEPTHS[-1])
+    flat = depths.reshape(len(depths), -1)
+    # Bins of equal width in logarithm: on a CPU a third of the time of a search among the edges.
+    places = (flat.log() - low).mul_(bins / (high - low)).clamp_(0, bins - 1)
+    places.masked_fill_(~((flat > 0.0) & (flat < math.inf)), bins)
+    found = places.to(torch.int64)
+    found += torch.arange(len(flat), device=depths.device)[:, None] * (bins + 1)
+    return torch.bincount(found.ravel(), minlength=len(flat) * (bins + 1)).reshape(len(flat), bins + 1)

@@ -4,14 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.generate.distractor_pool import DistractorPool, Thing
-
-ROOT = "/WarpcamDistractors"
-
-
-def paths_of(pool: DistractorPool) -> list[str]:
-    """Path of each thing."""
-    return [f"{ROOT}/thing{number}" for number in range(len(pool.things))]
+from warpcam.datasets.generate.distractor_pool import ROOT, DistractorPool, Thing
 
 
 def stage_with(scene: str, pool: DistractorPool) -> Any:
@@ -34,7 +27,7 @@ def stage_with(scene: str, pool: DistractorPool) -> Any:
     UsdGeom.SetStageMetersPerUnit(stage, unit)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.GetStageUpAxis(below))
     UsdGeom.Scope.Define(stage, Sdf.Path(ROOT))
-    for path, thing in zip(paths_of(pool), pool.things, strict=True):
+    for path, thing in zip(pool.paths, pool.things, strict=True):
         _define(UsdGeom, stage, path, thing, 1.0 / unit)
     return stage
 

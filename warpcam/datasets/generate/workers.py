@@ -14,14 +14,7 @@ import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate.plan import Plan
-from warpcam.datasets.generate.run import (
-    Progress,
-    merge_shards,
-    missing_shards,
-    prepare,
-    run_shard,
-    write_manifest,
-)
+from warpcam.datasets.generate.run import Part, Progress, complete, encoders, run_shard
 from warpcam.datasets.generate.worlds import Worlds
 
 DONE, MADE, FAILED = "done", "made", "failed"  # samples of a batch, a shard, an error's text
@@ -36,7 +29,7 @@ class Worker:
     shard: int | None = None
 
 
-def generate(plan: Plan, workers: int = 1, progress: Progress = lambda _: None) -> None:
+def generate(plan: Plan, workers: int = 1, progress: Progress = lambda _: None, part: Part | None = None) -> None:
     """Make a data set, or go on with one that was begun with the same parameters.
 
     With several workers, programs need the usual ``if __name__ == "__main__":`` of multiprocessing.
@@ -46,28 +39,24 @@ def generate(plan: Plan, workers: int = 1, progress: Progress = lambda _: None) 
         workers: Processes that draw; with 1 it is this process. With several GPUs and no device named, they take turns.
         progress: Called with the number of samples that are done beside those that it was told before, first with those
             of earlier runs.
+        part: (i, n): of all shards make the i-th, from 0, the n-th after it, and so on, beside other runs with other i.
+            Afterwards a run without a part completes the data set.
 
     Raises:
         WarpcamError: Something of the plan is not allowed, files cannot be written, or a worker ended.
     """
     if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
         raise WarpcamError(f"dataset: workers must be a whole number of at least 1, got {workers!r}")
-    folder = prepare(plan)
-    with folder.locked():
-        missing = missing_shards(plan, folder)
-        progress(plan.count - sum(len(plan.samples(shard)) for shard in missing))
-        if missing:
-            write_manifest(plan, folder, complete=False, more={})
-        try:
-            if min(workers, len(missing)) > 1:
-                _run_side_by_side(plan, missing, min(workers, len(missing)), progress)
-            elif missing:
-                worlds = Worlds(plan)
-                for shard in missing:
-                    run_shard(plan, shard, worlds, progress)
-        finally:
-            folder.remove_temporaries()
-        merge_shards(plan, folder)
+
+    def make(missing: list[int]) -> None:
+        if min(workers, len(missing)) > 1:
+            _run_side_by_side(plan, missing, min(workers, len(missing)), progress)
+            return
+        worlds = Worlds(plan)
+        for shard in missing:
+            run_shard(plan, shard, worlds, progress)
+
+    complete(plan, make, progress, part)
 
 
 def _run_side_by_side(plan: Plan, missing: Sequence[int], count: int, progress: Progress) -> None:
@@ -124,7 +113,7 @@ def _processes(plan: Plan, count: int) -> Iterator[list[Worker]]:
         for number in range(count):
             device = devices[number % len(devices)].alias if devices else plan.device
             here, there = context.Pipe()
-            arguments = (dataclasses.replace(plan, device=device), there)
+            arguments = (dataclasses.replace(plan, device=device), there, encoders(count))
             process = context.Process(target=_work, args=arguments, daemon=True)
             process.start()
             there.close()
@@ -138,7 +127,7 @@ def _processes(plan: Plan, count: int) -> Iterator[list[Worker]]:
             worker.process.join()
 
 
-def _work(plan: Plan, pipe: Connection) -> None:
+def _work(plan: Plan, pipe: Connection, threads: int) -> None:
     """A worker's life: shards that the parent names, until it names none or is gone."""
     parent = os.getppid()
     wp.config.log_level = wp.LOG_WARNING
@@ -153,7 +142,7 @@ def _work(plan: Plan, pipe: Connection) -> None:
         worlds = None
         while (shard := pipe.recv()) is not None:
             worlds = worlds or Worlds(plan)
-            run_shard(plan, shard, worlds, told)
+            run_shard(plan, shard, worlds, told, threads)
             pipe.send((MADE, shard))
     except WarpcamError as error:
         pipe.send((FAILED, str(error)))

@@ -16,11 +16,12 @@ from warpcam import sensors
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate import cameras as camera_rules
-from warpcam.datasets.generate import sensing
+from warpcam.datasets.generate import device_jpeg, sensing, statistics
 from warpcam.datasets.generate.file_scene import FileScene
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.image_files import image_files, read_cover
 from warpcam.datasets.generate.mujoco_scene import MujocoScene
+from warpcam.datasets.generate.object_models import ObjectModel, find_models
 from warpcam.datasets.generate.plan import Plan
 from warpcam.datasets.generate.random_numbers import generator, seed_of
 from warpcam.datasets.generate.recipes import Draw
@@ -43,16 +44,23 @@ class Worlds:
     Attributes:
         cameras: Names of the cameras.
         classes: Names of the classes.
+        models: Surfaces of what is labelled; none unless the writer needs them.
         device: Where it draws.
     """
 
     def __init__(self, plan: Plan):
         self._plan, self._recipes, writer = plan, plan.recipes, find_writer(plan.writer)
         self.device = resolve(plan.device)
+        if plan.jpeg == "torchcodec":
+            device_jpeg.require()
         kind = Path(plan.scene).suffix.lower()
         self._source: Any = (MujocoScene if kind in formats.MUJOCO else FileScene)(plan, self.device)
         scene: warpcam.Scene = self._source.scene
         self._choose_classes(scene)
+        self.models: tuple[ObjectModel, ...] = ()
+        self._model_of: dict[int, int] = {}
+        if writer.models:
+            self.models, self._model_of = find_models(scene, self._by, self._names, self._category_of, self.classes)
         self._photographs = (
             image_files(self._recipes.backgrounds.folder, "backgrounds: folder") if self._recipes.backgrounds else []
         )
@@ -96,29 +104,40 @@ class Worlds:
         """
         plan, count = self._plan, len(samples)
         padded = [*samples, *[samples[-1]] * (plan.worlds - count)]
-        self._source.place(padded)
-        scene = self._renderer.scene
-        if self._draws:
-            warpcam.randomize(scene, seed=self._seeds(padded, "looks"), by_world=False, **self._draws)
-        self._source.finish_looks(padded)
-        for name, (_, recipe) in self._chosen.items():
-            self._place_camera(name, recipe, padded)
+        self._vary(padded)
         images = self._look(padded)
         found = self._labels.read()
         whole = {} if self._whole is None else self._whole.read()
         hosts = {}
         for name, key in self._keys.items():
-            arrays = {output: _on_host(images[key][output][:count]) for output in (self._color, "depth", self._ids)}
+            drawn = {output: images[key][output][:count] for output in (self._color, "depth", self._ids)}
+            arrays = {output: _on_host(image) for output, image in drawn.items()}
+            arrays["counts"] = _on_host(statistics.depth_counts(drawn["depth"][..., 0]))
             labels = {field: _on_host(getattr(found[key], field)[:count]) for field in IMAGE_LABELS}
             boxes, pixels = whole.get(key, (found[key].amodal_boxes, found[key].amodal_pixels))
             labels |= {"whole_boxes": _on_host(boxes[:count]), "whole_pixels": _on_host(pixels[:count])}
             if (masks := found[key].amodal_masks) is not None:
                 labels["amodal_masks"] = _on_host(masks[:count])
-            hosts[name] = arrays, labels, self._renderer.views(key).numpy().copy()
+            files: list[bytes | None] = [None] * count
+            if plan.jpeg == "torchcodec":
+                files = [*device_jpeg.encode(drawn[self._color], plan.quality)]
+            hosts[name] = arrays, files, labels, self._renderer.views(key).numpy().copy()
         ids = _on_host(self._labels.ids[:count])
+        if self.device.is_cuda:
+            torch.cuda.current_stream(wp.device_to_torch(self.device)).synchronize()
         for place, sample in enumerate(samples):
             for number, name in enumerate(self.cameras):
                 yield self._frame(sample, number, name, place, ids[place], *hosts[name])
+
+    def _vary(self, samples: Sequence[int]) -> None:
+        """Give each world the poses, looks and cameras of its sample."""
+        self._source.place(samples)
+        if self._draws:
+            seeds = self._seeds(samples, "looks")
+            warpcam.randomize(self._renderer.scene, seed=seeds, by_world=False, **self._draws)
+        self._source.finish_looks(samples)
+        for name, (_, recipe) in self._chosen.items():
+            self._place_camera(name, recipe, samples)
 
     def _seeds(self, samples: Sequence[int], purpose: str) -> torch.Tensor:
         seeds = np.array([seed_of(self._plan.seed, sample, purpose) for sample in samples], np.int32)
@@ -213,6 +232,7 @@ class Worlds:
         place: int,
         ids: np.ndarray,
         images: Mapping[str, np.ndarray],
+        files: Sequence[bytes | None],
         labels: Mapping[str, np.ndarray],
         views: np.ndarray,
     ) -> Frame:
@@ -227,7 +247,9 @@ class Worlds:
             number=sample * len(self.cameras) + number,
             stem=stem,
             colors=self._composed(images[self._color][place], sample, name),
+            jpeg=files[place],
             depth=images["depth"][place, ..., 0],
+            depth_counts=images["counts"][place],
             ids=images[self._ids][place, ..., 0],
             intrinsics=pinhole if self._pinhole[name] else None,
             camera_position=np.array(view["origin"], np.float64),
@@ -260,6 +282,7 @@ class Worlds:
             id=number,
             name=self._names[number],
             category=self._category_of[number],
+            model=self._model_of.get(number, -1),
             visible_box=_box(labels["visible_boxes"][row]),
             visible_pixels=int(labels["visible_pixels"][row]),
             amodal_box=_box(labels["amodal_boxes"][row]),
@@ -280,8 +303,12 @@ class Worlds:
 
 
 def _on_host(tensor: torch.Tensor) -> np.ndarray:
-    """A copy, also of memory of the host: the next samples are drawn into that while these are encoded."""
-    copied: np.ndarray = tensor.to("cpu", copy=True).numpy()
+    """A copy, also of memory of the host: the next samples are drawn into that while these are encoded.
+
+    From a GPU it is there once the current stream has been waited for: pinned memory is copied to by the device.
+    """
+    host = torch.empty(tensor.shape, dtype=tensor.dtype, pin_memory=tensor.is_cuda)
+    copied: np.ndarray = host.copy_(tensor, non_blocking=True).numpy()
     return copied
 
 

@@ -1,7 +1,6 @@
 """HDF5 files of demonstrations, as robomimic and as Isaac Lab lay them out."""
 
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -10,11 +9,13 @@ import numpy as np
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories.episode import Episode
-from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed, require_room
+from warpcam.datasets.trajectories.hdf5_storage import check_compression, compressed
 from warpcam.datasets.trajectories.parts import Parts, on_disk, replace, write_bytes
 
 try:
     import h5py
+
+    from warpcam.datasets.trajectories.hdf5_join import join
 except ImportError as error:
     raise WarpcamError(
         f"{error.name} is not installed, and files of demonstrations need it: pip install 'warpcam[datasets]'"
@@ -104,10 +105,11 @@ class Hdf5File:
     def close(self) -> None:
         """Make the file of all finished episodes."""
         parts = self._parts.all()
-        if parts or not self.path.exists():
+        before = self.path if self.path.exists() else None
+        if parts or before is None:
             replace(
                 self.path,
-                lambda path: self._made_of(path, [part for _, part in parts]),
+                lambda path: join(path, [part for _, part in parts], self._complete, before),
                 f"{str(self.path)!r} could not be written, its episodes are in {str(self._parts.folder)!r}",
             )
         self._parts.remove()
@@ -143,29 +145,12 @@ class Hdf5File:
             )
             return numbers[-1] + 1, _layout(arrays)
 
-    def _made_of(self, path: Path, parts: list[Path]) -> None:
-        try:
-            self._assemble(path, parts)
-        except RuntimeError as error:  # HDF5's, also where the system refuses
-            raise as_os_error(error) from error
-
-    def _assemble(self, path: Path, parts: list[Path]) -> None:
-        before = [self.path] if self.path.exists() else []
-        require_room(path, [*before, *parts])
-        if before:
-            shutil.copyfile(self.path, path)
-        with h5py.File(path, "a") as file:
-            self._mark(file)
-            data = file.require_group("data")
-            total = int(data.attrs.get("total", 0))
-            for part in parts:
-                with h5py.File(part, "r") as source:
-                    for name, group in source["data"].items():
-                        source.copy(group, data, name=name)
-                        total += int(group.attrs["num_samples"])
-            data.attrs["total"] = total
-            if self._env_args or "env_args" not in data.attrs:
-                data.attrs["env_args"] = json.dumps(self._env_args, indent=4)
+    def _complete(self, file: Any) -> None:
+        """Write what a file has beside demonstrations."""
+        self._mark(file)
+        data = file["data"]
+        if self._env_args or "env_args" not in data.attrs:
+            data.attrs["env_args"] = json.dumps(self._env_args, indent=4)
 
 
 class RobomimicFile(Hdf5File):

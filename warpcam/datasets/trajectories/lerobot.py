@@ -11,22 +11,18 @@ from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories import statistics, videos
 from warpcam.datasets.trajectories.episode import Episode
 from warpcam.datasets.trajectories.lerobot_features import Feature, column, features_of, named
+from warpcam.datasets.trajectories.lerobot_layout import INFO, VERSION, new_info
 from warpcam.datasets.trajectories.parts import Parts, on_disk
 
 try:
     import pyarrow as pa
     from pyarrow import parquet
 
-    from warpcam.datasets.trajectories.lerobot_assembly import FILE, Part, assemble
+    from warpcam.datasets.trajectories.lerobot_assembly import Part, assemble
 except ImportError as error:
     raise WarpcamError(
         f"{error.name} is not installed, and LeRobot datasets need it: pip install 'warpcam[datasets]'"
     ) from error
-
-VERSION = "v3.0"
-CHUNK = 1000  # files of a folder
-TABLE_SIZE, VIDEO_SIZE = 100, 200  # of a file at most, if it has more than one episode [MB]
-DATA, VIDEO = f"data/{FILE}.parquet", f"videos/{{video_key}}/{FILE}.mp4"
 
 
 class LeRobotFolder:
@@ -103,11 +99,11 @@ class LeRobotFolder:
         if parts:
             failure = f"{str(self.path)!r} could not be written, its episodes are in {str(self._parts.folder)!r}"
             with on_disk(failure):
-                assemble(self.path, parts, self._info or self._new_info(), failure)
+                assemble(self.path, parts, self._info or new_info(self._fps, self._features, self._robot_type), failure)
         self._parts.remove()
 
     def _read_info(self, append: bool) -> dict[str, Any] | None:
-        path = self.path / "meta" / "info.json"
+        path = self.path / INFO
         if self.path.exists() and not self.path.is_dir():
             raise WarpcamError(f"Writer: {str(self.path)!r} is a file, the format 'lerobot' needs a folder")
         if not path.exists():
@@ -123,15 +119,6 @@ class LeRobotFolder:
         if info["fps"] != self._fps:
             raise WarpcamError(f"Writer: fps {self._fps} came, {str(self.path)!r} has {info['fps']}")
         return info
-
-    def _new_info(self) -> dict[str, Any]:
-        """Return what is known of a dataset without episodes."""
-        return {
-            "codebase_version": VERSION, "robot_type": self._robot_type, "fps": self._fps, "features": self._features,
-            "total_episodes": 0, "total_frames": 0, "total_tasks": 0, "chunks_size": CHUNK,
-            "data_files_size_in_mb": TABLE_SIZE, "video_files_size_in_mb": VIDEO_SIZE, "data_path": DATA,
-            "video_path": VIDEO if any(feature["dtype"] == "video" for feature in self._features.values()) else None,
-        }  # fmt: skip
 
     def _write(self, folder: Path, episode: Episode) -> None:
         folder.mkdir()

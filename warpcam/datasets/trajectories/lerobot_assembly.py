@@ -6,6 +6,7 @@ that the next attempt writes over.
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,9 @@ from pyarrow import parquet
 
 from warpcam.datasets.trajectories import statistics, videos
 from warpcam.datasets.trajectories.lerobot_features import COUNTERS
+from warpcam.datasets.trajectories.lerobot_layout import EPISODES, INFO, STATISTICS, TASKS, with_counts
 from warpcam.datasets.trajectories.parts import replace
 
-FILE = "chunk-{chunk_index:03d}/file-{file_index:03d}"
-EPISODES = f"meta/episodes/{FILE}.parquet"
-INFO, STATISTICS, TASKS = "meta/info.json", "meta/stats.json", "meta/tasks.parquet"
 Row = dict[str, Any]
 
 
@@ -91,8 +90,7 @@ class _Dataset:
 
     def finish(self, count: int) -> None:
         """Write what is known of all episodes, to which ``count`` were added."""
-        numbers = pd.DataFrame({"task_index": list(self._tasks.values())}, pd.Index(list(self._tasks), name="task"))
-        self._put(TASKS, numbers.to_parquet)
+        self._put(TASKS, partial(write_tasks, self._tasks))
         gathered: dict[str, list[Any]] = {}
         for one in self._statistics:
             for name, values in one.items():
@@ -100,8 +98,7 @@ class _Dataset:
         every = {name: statistics.merged(ones) for name, ones in gathered.items()}
         self._put(STATISTICS, lambda path: _write_json(path, every))
         total = self._info["total_episodes"] + count
-        counts = {"total_episodes": total, "total_frames": self._frames, "total_tasks": len(self._tasks)}
-        told = {**self._info, **counts, "splits": {"train": f"0:{total}"}}
+        told = with_counts(self._info, total, self._frames, len(self._tasks))
         self._put(INFO, lambda path: _write_json(path, told))
 
     def _video(self, name: str, key: str, parts: Sequence[Part]) -> None:
@@ -140,6 +137,11 @@ class _Dataset:
         path = self._path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         replace(path, write, self._failure)
+
+
+def write_tasks(tasks: Mapping[str, int], path: Path) -> None:
+    """Write sentences and their numbers."""
+    pd.DataFrame({"task_index": list(tasks.values())}, pd.Index(list(tasks), name="task")).to_parquet(path)
 
 
 def _known_episodes(path: Path, count: int) -> list[Row]:

@@ -1,7 +1,7 @@
 """Features of LeRobot datasets: their names, shapes and dtypes, and columns of tables."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -80,8 +80,7 @@ def features_of(columns: Mapping[str, np.ndarray], video: bool) -> dict[str, Fea
 def column(array: np.ndarray, feature: Feature) -> Any:
     """Return a feature of all frames as a column of a table; images become PNG files within it."""
     if feature["dtype"] == "image":
-        entries = [{"bytes": _png(image), "path": None} for image in array]
-        return pa.array(entries, pa.struct({"bytes": pa.binary(), "path": pa.string()}))
+        return image_column([_png(image) for image in array])
     flat = pa.array(np.ascontiguousarray(array).reshape(-1))
     shape = feature["shape"]
     if shape == [1]:
@@ -92,6 +91,13 @@ def column(array: np.ndarray, feature: Feature) -> Any:
         offsets = pa.array(np.arange(0, len(flat) + 1, size, dtype=np.int32))
         flat = pa.ListArray.from_arrays(offsets, flat)
     return flat
+
+
+def image_column(files: Sequence[bytes]) -> Any:
+    """Return a column of images, each a PNG or JPEG file within the table."""
+    return pa.array(
+        [{"bytes": file, "path": None} for file in files], pa.struct({"bytes": pa.binary(), "path": pa.string()})
+    )
 
 
 def _observation(name: str, image: bool) -> str:

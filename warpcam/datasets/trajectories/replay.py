@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
-from warpcam.datasets.trajectories.hdf5_storage import as_os_error, check_compression, compressed, require_room
+from warpcam.datasets.trajectories.hdf5_storage import check_compression, compressed
 from warpcam.datasets.trajectories.parts import Parts, on_disk, replace, write_bytes
 
 try:
     import h5py
     import mujoco
 
+    from warpcam.datasets.trajectories.hdf5_join import join
     from warpcam.datasets.trajectories.state_images import StateImages, threads
 except ImportError as error:
     raise WarpcamError(
@@ -119,9 +120,10 @@ def replay(
                     progress(place + 1, len(demos))
         arguments = _with_cameras(arguments, cameras, width, height, depth)
         replace(
-            output, lambda path: _assemble(path, file, [done[number] for number in demos], arguments),
+            output,
+            lambda path: join(path, [done[number] for number in demos], partial(_complete, file, arguments)),
             f"replay: {str(output)!r} could not be written, its demonstrations are in {str(parts.folder)!r}",
-        )  # fmt: skip
+        )
         parts.remove()
     return len(demos)
 
@@ -209,22 +211,13 @@ def _content(file: Any, demo: Any, images: Images, compression: int | None) -> b
         return bytes(part.id.get_file_image())
 
 
-def _assemble(path: Path, source: Any, parts: Sequence[Path], arguments: dict[str, Any] | None) -> None:
-    require_room(path, parts)
-    try:
-        with h5py.File(path, "w") as file:
-            data, total = file.create_group("data"), 0
-            for name, value in source["data"].attrs.items():
-                data.attrs[name] = value
-            for part in parts:
-                with h5py.File(part, "r") as one:
-                    for name, group in one["data"].items():
-                        one.copy(group, data, name=name)
-                        total += int(group.attrs["num_samples"])
-            data.attrs["total"] = total
-            if arguments is not None:
-                data.attrs["env_args"] = json.dumps(arguments, indent=4)
-            if "mask" in source:
-                source.copy("mask", file)
-    except RuntimeError as error:  # HDF5's, also where the system refuses
-        raise as_os_error(error) from error
+def _complete(source: Any, arguments: dict[str, Any] | None, file: Any) -> None:
+    """Copy what a file has beside demonstrations."""
+    data = file["data"]
+    for name, value in source["data"].attrs.items():
+        if name != "total":
+            data.attrs[name] = value
+    if arguments is not None:
+        data.attrs["env_args"] = json.dumps(arguments, indent=4)
+    if "mask" in source:
+        source.copy("mask", file)

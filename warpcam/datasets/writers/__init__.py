@@ -10,6 +10,7 @@ from warpcam.datasets.writers.writer import Writer
 WRITERS: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "coco": ("coco", "CocoWriter", ("pycocotools",)),
     "bop": ("bop", "BopWriter", ()),
+    "lerobot": ("lerobot", "LeRobotWriter", ("pyarrow", "pandas", "imageio_ffmpeg")),
     "hdf5": ("hdf5", "Hdf5Writer", ("h5py",)),
     "webdataset": ("webdataset", "WebDatasetWriter", ("webdataset",)),
     "kitti": ("kitti", "KittiWriter", ()),

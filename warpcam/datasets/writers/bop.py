@@ -12,16 +12,21 @@ import numpy as np
 from warpcam.core.rotations import rotation_matrices
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.shards import write_json
-from warpcam.datasets.writers.encode import encode_colors, encode_png, millimeters
+from warpcam.datasets.writers.bop_annotations import SceneAnnotations, annotation
+from warpcam.datasets.writers.bop_models import copy_models, write_models
+from warpcam.datasets.writers.encode import encode_frame, encode_png, millimeters
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 TO_OPENCV = np.diag((1.0, -1.0, -1.0))
+MODELS = "models"
 FOLDERS = ("rgb", "depth", "mask", "mask_visib")
 NO_BOX = [-1, -1, -1, -1]
 
 
 class BopWriter(Writer):
-    """train_pbr/NNNNNN: a scene of each shard; camera.json, and objects.json with the name of each obj_id.
+    """train_pbr/NNNNNN: a scene of each shard; models, camera.json, and objects.json with the name of each obj_id.
+
+    An object is a surface: instances that are alike share its obj_id, and those of a class that differ have their own.
 
     ``px_count_all`` and ``bbox_obj`` are of the whole silhouette, also beyond the image's edges.
     """
@@ -30,6 +35,7 @@ class BopWriter(Writer):
     pinhole = True
     masks = True
     whole = True
+    models = True
     options: ClassVar = {"depth_scale": 1.0}
 
     def __init__(self, layout: ShardLayout):
@@ -37,14 +43,17 @@ class BopWriter(Writer):
         self._cameras: dict[str, Any] = {}
         self._poses: dict[str, Any] = {}
         self._infos: dict[str, Any] = {}
+        self._annotations = SceneAnnotations(layout)
         for name in FOLDERS:
             (layout.folder / name).mkdir()
+        if layout.index == 0:
+            write_models(layout.folder / MODELS, layout.models)
 
-    def encode(self, frame: Frame) -> tuple[str, Any, Any, Any]:
+    def encode(self, frame: Frame) -> Any:
         layout, scale = self.layout, float(self.layout.options["depth_scale"])
         number = frame.number - layout.first
         depth = millimeters(frame.depth, scale)
-        colors = encode_colors(frame.colors, layout.image_format, layout.quality)
+        colors = encode_frame(frame, layout)
         (layout.folder / "rgb" / f"{number:06d}.{layout.image_format}").write_bytes(colors)
         (layout.folder / "depth" / f"{number:06d}.png").write_bytes(encode_png(depth))
         placed = [each for each in frame.instances if np.isfinite(each.position).all()]
@@ -53,11 +62,15 @@ class BopWriter(Writer):
             (layout.folder / "mask" / name).write_bytes(_mask(each.amodal_mask))
             (layout.folder / "mask_visib" / name).write_bytes(_mask(frame.mask(each)))
         poses, infos = [_pose(each) for each in placed], [_info(frame, each, depth) for each in placed]
-        return str(number), _camera(frame, scale), poses, infos
+        by_column = np.asfortranarray(frame.ids)
+        annotations = [annotation(by_column, each) for each in placed if each.visible_pixels > 0]
+        return number, _camera(frame, scale), poses, infos, annotations
 
-    def append(self, encoded: tuple[str, Any, Any, Any]) -> None:
-        number, camera, poses, infos = encoded
-        self._cameras[number], self._poses[number], self._infos[number] = camera, poses, infos
+    def append(self, encoded: Any) -> None:
+        number, camera, poses, infos, annotations = encoded
+        name = str(number)
+        self._cameras[name], self._poses[name], self._infos[name] = camera, poses, infos
+        self._annotations.add(number, annotations)
 
     def close(self) -> None:
         folder = self.layout.folder
@@ -65,6 +78,7 @@ class BopWriter(Writer):
             ("scene_camera", self._cameras),
             ("scene_gt", self._poses),
             ("scene_gt_info", self._infos),
+            ("scene_gt_coco", self._annotations.whole()),
         ):
             write_json(folder / f"{name}.json", entries)
 
@@ -75,8 +89,7 @@ class BopWriter(Writer):
         camera = {"fx": matrix[0], "fy": matrix[4], "cx": matrix[2], "cy": matrix[5]}
         size = {"width": merge.width, "height": merge.height, "depth_scale": first["depth_scale"]}
         write_json(merge.out / "camera.json", camera | size, indent=1)
-        names = {str(number): name for number, name in enumerate(merge.classes, 1)}
-        write_json(merge.out / "objects.json", names, indent=1)
+        copy_models(merge.shards[0].path / MODELS, merge.out)
         if merge.validation:
             _list_parts(merge)
 
@@ -111,7 +124,7 @@ def _pose(instance: Instance) -> dict[str, Any]:
     return {
         "cam_R_m2c": rotation.ravel().tolist(),
         "cam_t_m2c": (1000.0 * TO_OPENCV @ instance.position).tolist(),
-        "obj_id": instance.category + 1,
+        "obj_id": instance.model + 1,
     }
 
 

@@ -9,7 +9,8 @@ from pycocotools import mask as rle
 
 from warpcam.datasets.generate.frames import Frame, Instance
 from warpcam.datasets.generate.shards import write_json
-from warpcam.datasets.writers.encode import encode_colors
+from warpcam.datasets.writers.encode import encode_frame
+from warpcam.datasets.writers.run_lengths import run_lengths
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 ID_STEP = 10_000  # annotations' ids: room for so many instances of an image
@@ -29,12 +30,13 @@ class CocoWriter(Writer):
     def encode(self, frame: Frame) -> Any:
         layout = self.layout
         name = f"images/{frame.stem}.{layout.image_format}"
-        (layout.folder / name).write_bytes(encode_colors(frame.colors, layout.image_format, layout.quality))
+        (layout.folder / name).write_bytes(encode_frame(frame, layout))
         height, width = frame.ids.shape
         image = {"id": frame.number, "file_name": name, "width": width, "height": height}
         image |= {"sample": frame.sample, "camera": frame.camera}
         seen = [each for each in frame.instances if each.visible_pixels >= layout.options["min_pixels"]]
-        return image, [_annotation(frame, place, each) for place, each in enumerate(seen)]
+        by_column = np.asfortranarray(frame.ids)  # as masks are encoded
+        return image, [_annotation(frame, by_column, place, each) for place, each in enumerate(seen)]
 
     def append(self, encoded: Any) -> None:
         image, annotations = encoded
@@ -54,9 +56,10 @@ class CocoWriter(Writer):
             temporary.replace(merge.out / name)
 
 
-def _annotation(frame: Frame, place: int, instance: Instance) -> dict[str, Any]:
+def _annotation(frame: Frame, by_column: np.ndarray, place: int, instance: Instance) -> dict[str, Any]:
     left, top, right, bottom = instance.visible_box
-    mask = rle.encode(np.asfortranarray(frame.mask(instance), np.uint8))
+    size = list(by_column.shape)
+    mask = rle.frPyObjects({"size": size, "counts": run_lengths(by_column, instance)}, *size)
     found = {
         "id": frame.number * ID_STEP + place + 1,
         "image_id": frame.number,

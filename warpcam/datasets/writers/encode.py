@@ -5,7 +5,15 @@ import io
 import numpy as np
 from PIL import Image
 
+from warpcam.datasets.generate.frames import Frame
+from warpcam.datasets.writers.writer import ShardLayout
+
 FAST = 1  # of zlib's levels: on renderings higher ones take several times as long for a tenth less
+
+
+def encode_frame(frame: Frame, layout: ShardLayout) -> bytes:
+    """Colours of a frame as the file that the layout wants."""
+    return frame.jpeg or encode_colors(frame.colors, layout.image_format, layout.quality)
 
 
 def encode_colors(colors: np.ndarray, image_format: str, quality: int) -> bytes:

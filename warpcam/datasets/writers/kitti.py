@@ -11,7 +11,7 @@ import numpy as np
 
 from warpcam.core.rotations import rotation_matrices
 from warpcam.datasets.generate.frames import Frame, Instance
-from warpcam.datasets.writers.encode import encode_colors
+from warpcam.datasets.writers.encode import encode_frame
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
 FOLDERS = ("image_2", "label_2", "calib")
@@ -39,7 +39,7 @@ class KittiWriter(Writer):
 
     def encode(self, frame: Frame) -> tuple[int, str]:
         layout, number = self.layout, f"{frame.number:06d}"
-        colors = encode_colors(frame.colors, layout.image_format, layout.quality)
+        colors = encode_frame(frame, layout)
         (layout.folder / "image_2" / f"{number}.{layout.image_format}").write_bytes(colors)
         seen = [each for each in frame.instances if each.visible_pixels >= layout.options["min_pixels"]]
         lines = [_line(frame.classes[each.category], each) for each in seen]

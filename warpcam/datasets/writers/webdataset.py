@@ -9,7 +9,7 @@ import webdataset
 
 from warpcam.datasets.generate.frames import Frame
 from warpcam.datasets.generate.shards import write_json
-from warpcam.datasets.writers.encode import encode_colors, encode_png, millimeters
+from warpcam.datasets.writers.encode import encode_frame, encode_png, millimeters
 from warpcam.datasets.writers.labels_table import as_json
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
@@ -37,7 +37,7 @@ class WebDatasetWriter(Writer):
         )
         return {
             "__key__": frame.stem,
-            layout.image_format: encode_colors(frame.colors, layout.image_format, layout.quality),
+            layout.image_format: encode_frame(frame, layout),
             **depth,
             "ids.npy": _npy(frame.ids),
             "json": json.dumps(as_json(frame), allow_nan=False).encode(),

@@ -9,6 +9,7 @@ from zlib import crc32
 
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.generate.frames import Frame
+from warpcam.datasets.generate.object_models import ObjectModel
 from warpcam.datasets.generate.shards import FinishedShard
 
 
@@ -18,11 +19,13 @@ class ShardLayout:
 
     Attributes:
         folder: Temporary folder of the shard.
+        index: Number of the shard.
         frames: How many there will be.
         first: Number of the first one.
         cameras: Names of the cameras.
         classes: Names of the classes.
         keypoint_names: Names of the keypoints, by class.
+        models: Surfaces of what is labelled; none unless the writer needs them.
         width: Of an image [pixels].
         height: Of an image [pixels].
         image_format: "png" or "jpg" of colour images.
@@ -31,11 +34,13 @@ class ShardLayout:
     """
 
     folder: Path
+    index: int
     frames: int
     first: int
     cameras: tuple[str, ...]
     classes: tuple[str, ...]
     keypoint_names: tuple[tuple[str, ...], ...]
+    models: tuple[ObjectModel, ...]
     width: int
     height: int
     image_format: str
@@ -89,6 +94,7 @@ class Writer(ABC):
         pinhole: True if all cameras must have a pinhole lens.
         masks: True if frames need amodal masks.
         whole: True if frames need boxes and pixels beyond the image's edges.
+        models: True if shards need the surfaces of what is labelled.
         options: Default of each option that the format takes.
     """
 
@@ -96,6 +102,7 @@ class Writer(ABC):
     pinhole: ClassVar[bool] = False
     masks: ClassVar[bool] = False
     whole: ClassVar[bool] = False
+    models: ClassVar[bool] = False
     options: ClassVar[Mapping[str, Any]] = {}
 
     def __init__(self, layout: ShardLayout):

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from warpcam.datasets.generate.frames import Frame, Instance
-from warpcam.datasets.writers.encode import encode_colors
+from warpcam.datasets.writers.encode import encode_frame
 from warpcam.datasets.writers.polygons import outline
 from warpcam.datasets.writers.writer import Merge, ShardLayout, Writer
 
@@ -31,7 +31,7 @@ class YoloWriter(Writer):
     def encode(self, frame: Frame) -> tuple[int, str]:
         layout = self.layout
         name = f"{frame.stem}.{layout.image_format}"
-        (layout.folder / "images" / name).write_bytes(encode_colors(frame.colors, layout.image_format, layout.quality))
+        (layout.folder / "images" / name).write_bytes(encode_frame(frame, layout))
         seen = [each for each in frame.instances if each.visible_pixels >= layout.options["min_pixels"]]
         lines = [self._line(frame, each) for each in seen]
         text = "".join(f"{line}\n" for line in lines if line)

@@ -2,7 +2,7 @@
 
 import io
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -42,6 +42,7 @@ def load(
     up_axis: str | None,
     textures: Mapping[str, Any],
     transparency: bool | None,
+    add: Callable[[SceneGraph], None] | None = None,
 ) -> DrivenScene:
     images, where = named_images(textures), device_rule.resolve(device)
     collector = WarningCollector(str(path))
@@ -49,6 +50,8 @@ def load(
         graph = read_graph(path, collector, meters_per_unit, up_axis)
     finally:
         collector.say()
+    if add is not None:
+        add(graph)
     for label, image in images.items():
         graph.texture_names.append(label)
         graph.textures.append(image)

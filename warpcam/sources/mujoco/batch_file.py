@@ -115,32 +115,56 @@ def move(batch: MujocoBatch, *, seed: int, by: float = 0.1) -> None:
 
 
 def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int) -> np.ndarray:
-    """Joint positions, (world, nq) float32: world 0 is `start`, the others vary around it.
+    """Joint positions, (world, nq) float32: world 0 is `start`, the others are of ``varied_joints``."""
+    random, others = np.random.default_rng(seed), num_worlds - 1
+    numbers = [random.random((others, count)) for count in joint_numbers(host)]
+    varied = varied_joints(host, start, np.concatenate([np.zeros((others, 0)), *numbers], axis=1))
+    return np.concatenate((np.asarray(start, np.float32)[None], varied))
+
+
+def joint_numbers(host: Any) -> list[int]:
+    """How many random numbers ``varied_joints`` takes at a time, joint after joint."""
+    from mujoco import mjtJoint
+
+    counts = {
+        mjtJoint.mjJNT_HINGE: [1],
+        mjtJoint.mjJNT_SLIDE: [1],
+        mjtJoint.mjJNT_BALL: [3],
+        mjtJoint.mjJNT_FREE: [3, 3],
+    }
+    return [count for kind in host.jnt_type for count in counts[mjtJoint(kind)]]
+
+
+def varied_joints(host: Any, start: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Joint positions around `start`, (world, nq) float32, that follow from random numbers from 0 to 1, (world, n).
 
     A hinge or slide with limits takes any value within them; every other joint moves a little.
     """
     from mujoco import mjtJoint
 
-    random = np.random.default_rng(seed)
-    positions = np.tile(np.asarray(start, dtype=np.float64), (num_worlds, 1))
-    others = positions[1:]
+    varied, first = np.tile(np.asarray(start, dtype=np.float64), (len(numbers), 1)), 0
+
+    def between(low: Any, high: Any, count: int) -> np.ndarray:
+        nonlocal first
+        first += count
+        return np.asarray(low) + np.subtract(high, low) * numbers[:, first - count : first]
+
     kinds = [mjtJoint(kind) for kind in host.jnt_type]  # the numbers themselves do not compare equal to the enum
     for kind, address, limited, limits in zip(kinds, host.jnt_qposadr, host.jnt_limited, host.jnt_range, strict=True):
         if kind in (mjtJoint.mjJNT_HINGE, mjtJoint.mjJNT_SLIDE):
             if limited:
-                others[:, address] = random.uniform(float(limits[0]), float(limits[1]), size=len(others))
+                varied[:, address] = between(float(limits[0]), float(limits[1]), 1)[:, 0]
             else:
                 reach = LOOSE_HINGE if kind == mjtJoint.mjJNT_HINGE else LOOSE_SLIDE
-                others[:, address] += random.uniform(-reach, reach, size=len(others))
+                varied[:, address] += between(-reach, reach, 1)[:, 0]
         elif kind == mjtJoint.mjJNT_BALL:
-            turn = random.uniform(-LOOSE_BALL, LOOSE_BALL, size=(len(others), 3))
-            others[:, address : address + 4] = rotated(others[:, address : address + 4], turn)
+            turn = between(-LOOSE_BALL, LOOSE_BALL, 3)
+            varied[:, address : address + 4] = rotated(varied[:, address : address + 4], turn)
         else:
-            shift = random.uniform((-FREE_SHIFT, -FREE_SHIFT, 0.0), FREE_SHIFT, size=(len(others), 3))
-            turn = random.uniform((0.0, 0.0, -FREE_TURN), (0.0, 0.0, FREE_TURN), size=(len(others), 3))
-            others[:, address : address + 3] += shift
-            others[:, address + 3 : address + 7] = rotated(others[:, address + 3 : address + 7], turn)
-    return positions.astype(np.float32)
+            varied[:, address : address + 3] += between((-FREE_SHIFT, -FREE_SHIFT, 0.0), (FREE_SHIFT,) * 3, 3)
+            turn = between((0.0, 0.0, -FREE_TURN), (0.0, 0.0, FREE_TURN), 3)
+            varied[:, address + 3 : address + 7] = rotated(varied[:, address + 3 : address + 7], turn)
+    return varied.astype(np.float32)
 
 
 def rotated(quaternions: np.ndarray, turns: np.ndarray) -> np.ndarray:
