@@ -65,14 +65,15 @@ def without(name: str, device: wp.Device) -> np.ndarray:
 
 def _depths(name: str, device: wp.Device) -> tuple[np.ndarray, list[np.ndarray]]:
     """True depth, and that of each frame, (1, height, width, 1)."""
-    renderer = _renderer(device.alias)
+    renderer = scene_renderer(device.alias)
     rig = sensors.Rig(renderer, {"eye": [DEPTH_EFFECTS[name]]}, seed=1)
     frames = [rig.read()["eye"]["depth"].cpu().numpy().copy() for _ in range(FRAMES.get(name, 1))]
     return renderer.images["eye"]["depth"].cpu().numpy(), frames
 
 
 @functools.cache
-def _renderer(device: str) -> wc.Renderer:
+def scene_renderer(device: str) -> wc.Renderer:
+    """Renderer of the scene on the device of that name, with a camera "eye"."""
     mjm = scenes.compile_xml(WORLD, assets=ASSETS)
     camera = wc.Camera(
         "eye",

@@ -8,7 +8,6 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-import scenes
 import warp as wp
 from lidar_scenes import BASE, host
 from shape_clusters import cluster
@@ -34,6 +33,7 @@ TOLERANCE = 1e-4  # of ranges, relative above 1 m
 SHAPES, NEAR, FAR = 160, 1.5, 6.0  # how many stand around the lidar, from where to where [m]
 FLOOR = '<geom type="plane" size="0 0 1" pos="0 0 -1.5"/>'
 ABOVE = 8.0  # height of a grid, whose rays begin beside each other [m]
+ANGLE = 1e-6  # error of the angle between a ray and a surface that poses and directions in float32 have [rad]
 SIDES = 8  # rays around one that differs
 EDGE = 1e-5  # a ray is at an edge if one this much beside it meets something else [rad]
 
@@ -91,28 +91,36 @@ def posed(mjm: mujoco.MjModel, grid: bool) -> mujoco.MjData:
 
 @pytest.mark.parametrize("name", PATTERNS)
 def test_ranges_of_patterns(device: wp.Device, name: str) -> None:
-    """A ray that differs is at an edge, or grazes a surface: one beside it differs as much."""
+    """A ray that differs is at an edge, or so nearly parallel to a surface that float32 has no better."""
     pattern = replace(PATTERNS[name], min_range=0.0, max_range=np.inf)
     mjm = cluster("all", np.random.default_rng(1), SHAPES, BASE + FLOOR)
     mjd = posed(mjm, grid=pattern.origins is not None)
-    lidar = sensors.Lidar(
-        wc.from_mujoco(mjm, mjd, device=device), pattern, parent="base", exclude_body="base", outputs=("ranges",)
-    )
-    ranges = host(lidar.read())["ranges"].reshape(-1).astype(np.float64)
+    scene = wc.from_mujoco(mjm, mjd, device=device)
+    lidar = sensors.Lidar(scene, pattern, parent="base", exclude_body="base", outputs=("ranges", "normals"))
+    scan = host(lidar.read())
+    ranges, normals = scan["ranges"].reshape(-1).astype(np.float64), scan["normals"].reshape(-1, 3)
     base = mjd.body("base")
     turn = base.xmat.reshape(3, 3)
     rays = pattern.directions.reshape(-1, 3).astype(np.float64) @ turn.T
     starts = base.xpos if pattern.origins is None else base.xpos + pattern.origins.reshape(-1, 3) @ turn.T
     off = np.flatnonzero(differs(ranges, cast_all(mjm, mjd, starts, rays)))
-    places = np.broadcast_to(starts, rays.shape)[off]
-    off_alone = differs(ranges[off], cast(mjm, mjd, places, rays[off]))
-    off, places = off[off_alone], places[off_alone]
-    around_them = beside(rays[off], EDGE).reshape(-1, 3)
-    others = cast(mjm, mjd, places.repeat(SIDES, axis=0), around_them).reshape(-1, SIDES)
-    nearest, farthest = np.minimum.reduce(others, axis=1, initial=np.inf), others.max(axis=1, initial=0.0)
-    at_edge = differs(nearest, farthest)
+    distances = cast(mjm, mjd, np.broadcast_to(starts, rays.shape)[off], rays[off])
+    alone = differs(ranges[off], distances)
+    off, distances = off[alone], distances[alone]
+    sines = np.abs(np.sum(normals[off] * rays[off], axis=1))
+    with np.errstate(invalid="ignore"):  # where both are infinite, or one is
+        grazes = np.abs(ranges[off] / distances - 1.0) * sines < ANGLE
+    others = off[~grazes]
+    around_them = beside(rays[others], EDGE).reshape(-1, 3)
+    places = np.broadcast_to(starts, rays.shape)[others].repeat(SIDES, axis=0)
+    met = cast(mjm, mjd, places, around_them).reshape(-1, SIDES)
+    at_edge = differs(met.min(axis=1, initial=np.inf), met.max(axis=1, initial=0.0))
     hits = np.isfinite(ranges)
-    print(f"{name}: {hits.sum()} of {hits.size} rays hit; {len(off)} differ, {(~at_edge).sum()} of them not at edges")
-    assert hits.mean() > 0.05
+    print(
+        f"{name}: {hits.sum()} of {hits.size} rays hit, {len(off)} differ: {grazes.sum()} graze (sine up to "
+        f"{sines[grazes].max(initial=0.0):.1e}, from {distances[grazes].min(initial=np.inf):.0f} m on), "
+        f"{at_edge.sum()} at edges, {(~at_edge).sum()} wrong"
+    )
+    assert hits.mean() > 0.2
     assert at_edge.all()
-    assert len(off) <= 1e-4 * hits.size
+    assert len(off) < 1e-3 * hits.size and len(others) <= 4
