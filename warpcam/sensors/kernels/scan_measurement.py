@@ -133,7 +133,9 @@ def measure(
     zero = params.dropout_zero_intensity[world]
     attenuation = params.dropout_attenuation[world]
     # Numbers that are NaN count, and nothing returns.
-    is_random = wp.isnan(attenuation + limit) or not (wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero <= 0.0)
+    is_random = wp.isnan(attenuation + limit) or not (
+        wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero <= 0.0
+    )
     common = wp.int32(0)  # of the random numbers of the world
     if is_random:
         common = world_state(randomness, world, randomness.frames[world])
