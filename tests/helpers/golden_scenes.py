@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import color_pictures
+import depth_pictures
 import lidar_pictures
 import numpy as np
 import pytest
@@ -198,6 +199,7 @@ PICTURES: dict[str, Picture] = {
     **_of(physical, ("rough", "metal", "opacity", "splats")),
     **_of(sensor_pictures.measured, sensor_pictures.DEPTH_CAMERAS),
     **_of(color_pictures.colored, color_pictures.COLOR_EFFECTS),
+    **_of(depth_pictures.measured, depth_pictures.DEPTH_EFFECTS),
     **_of(shutter_pictures.exposed, shutter_pictures.SHUTTERS),
     **_of(lidar_pictures.scanned, lidar_pictures.SCANS),
     **_of(sensor_pictures.matched, ("stereo_camera",)),

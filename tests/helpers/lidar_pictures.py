@@ -38,7 +38,16 @@ POSES = (((0.0, 0.4, 0.1), (1.0, 0.0, 0.0, -0.1)), ((0.3, 0.0, 0.0), (1.0, 0.05,
 
 def scanned(name: str, device: wp.Device) -> np.ndarray:
     """The second scan of a body that moves; of echoes the second."""
+    return _scan(*SCANS[name], device)
+
+
+def without(name: str, device: wp.Device) -> np.ndarray:
+    """The same picture without noise and without dropout."""
     output, arguments = SCANS[name]
+    return _scan(output, {key: value for key, value in arguments.items() if key not in ("noise", "dropout")}, device)
+
+
+def _scan(output: str, arguments: dict[str, Any], device: wp.Device) -> np.ndarray:
     mjm = lidar_scenes.around(more=ROOM)
     mjd = lidar_scenes.posed(mjm)
     scene = wc.from_mujoco(mjm, mjd, device=device)

@@ -10,7 +10,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import color_pictures
+import depth_pictures
 import golden_scenes
+import lidar_pictures
 import numpy as np
 import pytest
 import shutter_pictures
@@ -25,6 +27,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # Newton's own
 FOLDER = Path(__file__).parent / "goldens"
 # What may differ, of 255, before it counts, and how much of a picture may; devices round differently.
 LARGEST, FEW, MEAN, FLIP = 6, 0.004, 0.4, 0.01
+LIDAR_ERRORS = ("lidar_noise", "lidar_dropout")
 
 
 def kept(feature: str) -> np.ndarray:
@@ -82,12 +85,12 @@ def test_each_picture_that_is_kept_is_compared() -> None:
 
 
 def test_each_effect_has_a_picture() -> None:
-    """Effects on depth are in those of the cameras that have them; a delivery changes no image."""
+    """A delivery changes no image."""
     public = [getattr(sensors, name) for name in sensors.__all__]
     kinds = {each for each in public if isinstance(each, type) and issubclass(each, sensors.Effect)}
-    shown = {type(effect) for effect in (*color_pictures.COLOR_EFFECTS.values(), *shutter_pictures.SHUTTERS.values())}
-    rest = kinds - shown - {sensors.Effect, sensors.Delivery}
-    assert shown <= kinds and {each.kind for each in rest} == {"depth"}
+    pictures = (color_pictures.COLOR_EFFECTS, depth_pictures.DEPTH_EFFECTS, shutter_pictures.SHUTTERS)
+    shown = [type(effect) for effects in pictures for effect in effects.values()]
+    assert set(shown) == kinds - {sensors.Effect, sensors.Delivery}
 
 
 FAULTS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
@@ -119,8 +122,17 @@ def test_a_missing_object_is_seen(device: wp.Device, monkeypatch: pytest.MonkeyP
     assert complaints(kept(feature), PICTURES[feature](device))
 
 
-@pytest.mark.parametrize("feature", [*color_pictures.COLOR_EFFECTS, *shutter_pictures.SHUTTERS])
+@pytest.mark.parametrize(
+    "feature",
+    [*color_pictures.COLOR_EFFECTS, *depth_pictures.DEPTH_EFFECTS, *shutter_pictures.SHUTTERS, *LIDAR_ERRORS],
+)
 def test_a_missing_effect_is_seen(device: wp.Device, feature: str) -> None:
-    is_color = feature in color_pictures.COLOR_EFFECTS
-    image = color_pictures.without(feature) if is_color else shutter_pictures.frozen(feature, device)
+    if feature in color_pictures.COLOR_EFFECTS:
+        image = color_pictures.without(feature)
+    elif feature in depth_pictures.DEPTH_EFFECTS:
+        image = depth_pictures.without(feature, device)
+    elif feature in LIDAR_ERRORS:
+        image = lidar_pictures.without(feature, device)
+    else:
+        image = shutter_pictures.frozen(feature, device)
     assert complaints(kept(feature), image)

@@ -250,6 +250,10 @@ def test_a_captured_frame(device: wp.Device) -> None:
         ({"voxel_size": 0}, "voxel_size must be above 0 and finite [m], or None, got 0"),
         ({"voxel_size": 1e-46}, "voxel_size must be above 0 and finite [m], or None, got 1e-46"),
         ({"voxel_size": 1e300}, "voxel_size must be above 0 and finite [m], or None, got 1e+300"),
+        (
+            {"voxel_size": 1e-9, "bounds": ((-2.0, -2.0, -2.0), (np.inf, 1.0, 1.0))},
+            "voxel_size must be at least 1.86e-09 m for bounds within 2^30 voxels of the origin, got 1e-09",
+        ),
         ({"voxel_size": "1 cm"}, "voxel_size must be above 0 and finite [m], or None, got '1 cm'"),
         ({"bounds": (1, 2)}, "bounds must be the lowest and the highest corner of a box"),
         ({"bounds": ((0, 0, 0), (1, -1, 1))}, "bounds must be the lowest and the highest corner of a box"),

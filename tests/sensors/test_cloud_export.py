@@ -52,6 +52,13 @@ def test_a_ply_file_holds_the_cloud(tmp_path: Path) -> None:
     assert data["barycentrics_0"].tolist() == [8.0, 10.0, 14.0] and data["barycentrics_1"].tolist() == [9.0, 11.0, 15.0]
 
 
+def test_a_ply_file_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    cloud = cloud_of()
+    for path, reason in ((tmp_path / "none" / "cloud.ply", "No such file or directory"), (tmp_path, "Is a directory")):
+        with says(f"write_ply: {path} cannot be written: {reason}"):
+            sensors.write_ply(path, cloud, world=1)
+
+
 def test_a_ply_file_of_points_alone(tmp_path: Path) -> None:
     cloud = cloud_of(rgb=None, normals=None, segmentation=None, barycentrics=None)
     sensors.write_ply(str(tmp_path / "cloud.ply"), cloud, world=1)

@@ -173,6 +173,10 @@ def test_curves_end_linear_light() -> None:
             sensors.Emva1288(**{**EMVA, "quantum_efficiency": 1.2}),
             "quantum_efficiency must be from 0.001 to 1, got 1.2",
         ),
+        (
+            sensors.Emva1288(**{**EMVA, "black_level": [12.0, 255.0]}),
+            "black_level must be below the greatest number of the bits, 255, got 255",
+        ),
         (sensors.Blur(14.0), "Blur: sigma must be from 0 to 10, got 14"),
         (sensors.JpegArtifacts(0.0), "JpegArtifacts: quality must be from 1 to 100, got 0"),
         (sensors.WhiteBalance((1.0, 1.0)), r"WhiteBalance: gains must have shape \(3,\) or \(2, 3\), got \(2,\)"),

@@ -338,6 +338,11 @@ def test_lags_of_whole_steps(device: wp.Device) -> None:
         ((sensors.Delivery(drop=1.5),), "Delivery: drop must be from 0 to 1, got 1.5"),
         ((sensors.Delivery(capacity=0),), "capacity must be a whole number of at least 1, got 0"),
         ((sensors.Delivery(capacity=2.5),), "capacity must be a whole number of at least 1, got 2.5"),  # type: ignore[arg-type]
+        (
+            (sensors.Delivery(capacity=10**9),),
+            r"'eye': Delivery: capacity must be at most \d+, for which an output of a world has less than 2\^31 bytes, "
+            r"got 1000000000, for which all worlds need [\d,]+,000,000,000 bytes",
+        ),
         ((sensors.Delivery(distribution="gamma"),), "distribution must be one of 'normal', 'uniform'"),  # type: ignore[arg-type]
         ((sensors.Delivery(rate=100.0, latency=0.05),), "capacity must be at least 6 .* got 4"),
         ((sensors.Delivery(), sensors.DepthRange(min=0, max=1)), "Delivery delivers all images and must be the last"),
@@ -347,6 +352,16 @@ def test_lags_of_whole_steps(device: wp.Device) -> None:
 def test_bad_input_is_refused(effects: Any, message: str) -> None:
     with pytest.raises(wc.WarpcamError, match=message):
         Rising("cpu", *effects)
+
+
+def test_frames_that_have_no_room_are_refused(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("warpcam.sensors.timing.delivery.free_bytes", lambda device: 1000)
+    with pytest.raises(
+        wc.WarpcamError,
+        match=r"capacity must be at most 4, for which there is room, got 5; 1,200 bytes are needed, 1,000 are free on",
+    ):
+        frame_of(sensors.Delivery(capacity=5), 60, device)
+    frame_of(sensors.Delivery(capacity=4), 60, device)
 
 
 def test_bad_times_are_refused() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import warp as wp
 from measured_colors import measured, picture
+from small_scene import camera, scene_of
 
 import warpcam as wc
 from warpcam import sensors
@@ -80,5 +81,13 @@ def test_gray_stays(interpolation: Any, device: wp.Device) -> None:
 def test_bad_input_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(wc.WarpcamError, match=message):
         measured(sensors.BayerMosaic(**options), picture(), wp.get_device("cpu"))
-    with pytest.raises(wc.WarpcamError, match="at least 3 x 3 pixels, it has 2 x 8"):
-        measured(sensors.BayerMosaic(), picture(8, 2), wp.get_device("cpu"))
+
+
+@pytest.mark.parametrize("size", [(2, 8), (8, 2)])
+def test_small_images_are_refused(size: tuple[int, int]) -> None:
+    renderer = wc.Renderer(scene_of("cpu", 1), [camera(outputs=("rgb",), width=size[0], height=size[1])])
+    with pytest.raises(
+        wc.WarpcamError,
+        match=f"Rig: 'top': BayerMosaic needs images of at least 3 x 3 pixels, got {size[0]} x {size[1]}",
+    ):
+        sensors.Rig(renderer, {"top": [sensors.BayerMosaic()]})

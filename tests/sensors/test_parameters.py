@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import torch
 import warp as wp
+from depth_pictures import DEPTH_EFFECTS, scene_renderer
+from lidar_scenes import downward, floor, host
 from small_scene import camera, scene_of
 
 import warpcam as wc
@@ -87,3 +89,50 @@ def test_parameters_that_do_not_go_together(effect: sensors.Effect, text: str) -
 def test_limits_that_go_together(device: wp.Device) -> None:
     renderer = wc.Renderer(scene_of(device, WORLDS), [camera(outputs=("depth", "rgb"))])
     sensors.Rig(renderer, {"top": [sensors.DepthRange(min=1.0, max=1.0), sensors.DeadPixels(dead=0.3, hot=0.7)]})
+
+
+# Parameters of effects that change some pixels alone, and of these all.
+OF_SOME = ("dark_dropout_probability", "edge_dropout_probability", "grazing_dropout_end")
+OF_EDGES = ("flying_pixels_threshold", "flying_pixels_probability")
+
+
+@pytest.mark.parametrize("effect", DEPTH_EFFECTS)
+def test_nan_measures_no_depth(device: wp.Device, effect: str) -> None:
+    rig = sensors.Rig(scene_renderer(device.alias), {"eye": [DEPTH_EFFECTS[effect]]})
+    parameters = rig.parameters("eye")
+    for name in parameters:
+        if name == "depth_range_invalid":  # itself the depth of what is not measured
+            continue
+        tensor = getattr(parameters, name)
+        before = tensor.clone()
+        tensor.fill_(torch.nan)
+        rig.reset()
+        depth, truth = (each["eye"]["depth"].cpu().numpy() for each in (rig.read(), rig.renderer.images))
+        tensor.copy_(before)
+        none = depth[np.isfinite(truth)] == 0.0
+        assert none.all() or name in OF_SOME + OF_EDGES, name
+        assert none.any() and ((depth == 0.0) | (depth == truth)).all(), name
+
+
+LIDAR_NUMBERS = {
+    "noise": sensors.LidarNoise(constant=0.01, linear=0.01, quadratic=0.01, offset=0.01, resolution=0.01),
+    "dropout": sensors.LidarDropout(rate=0.1, intensity_limit=1.0, zero_intensity=0.1, attenuation=0.01),
+}
+
+
+@pytest.mark.parametrize("given", [LIDAR_NUMBERS, {}], ids=["with noise", "without"])
+def test_nan_measures_no_range(device: wp.Device, given: dict[str, Any]) -> None:
+    lidar = sensors.Lidar(floor(2, device), downward(6), position=(0.0, 0.0, 2.0), **given)
+    for name in lidar.parameters:
+        if name in ("position", "rotation"):
+            continue
+        if not given and name == "dropout_zero_intensity":  # nothing is asked of it without a limit
+            continue
+        tensor = getattr(lidar.parameters, name)
+        before = tensor.clone()
+        tensor[1] = torch.nan
+        scan = host(lidar.read())
+        tensor.copy_(before)
+        assert np.isfinite(scan["ranges"][0]).any(), name
+        assert np.isinf(scan["ranges"][1]).all() and (scan["ids"][1] == -1).all(), name
+        assert (scan["intensities"][1] == 0.0).all(), name

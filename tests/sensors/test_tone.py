@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 import warp as wp
 from measured_colors import measured, picture
+from small_scene import camera, scene_of
 
 import warpcam as wc
 from warpcam import sensors
-from warpcam.core.color import linear_to_srgb
+from warpcam.core.color import linear_to_srgb, srgb_to_linear
 
 LIGHT = 1.6 * picture() - 0.1  # below black and above white, too
 
@@ -38,6 +40,35 @@ def test_points_are_joined_by_lines(count: int, device: wp.Device) -> None:
     points = np.stack([x, np.sqrt(x) / 1.2], axis=-1)
     found = measured(sensors.ToneCurve(points), LIGHT, device)
     assert np.allclose(found, np.interp(LIGHT, points[:, 0], points[:, 1]), atol=1e-5)
+
+
+def test_points_of_each_world(device: wp.Device) -> None:
+    light = np.array([0.0, 0.3, 1.0])
+    points = np.stack([np.stack([light**power, light], axis=-1) for power in (1.0, 2.0)])
+    found = measured(sensors.ToneCurve(points), LIGHT, device)
+    for world in range(2):
+        expected = np.interp(LIGHT[world], points[world, :, 0], points[world, :, 1])
+        assert np.allclose(found[world], expected, atol=1e-5)
+
+
+def test_points_are_written_in_place_and_drawn(device: wp.Device) -> None:
+    points = torch.tensor([[(0.0, 0.0), (0.5, 0.5), (1.0, 1.0)]] * 3, device=wp.device_to_torch(device))
+    renderer = wc.Renderer(scene_of(device, 3), [camera(outputs=("rgb",))])
+    rig = sensors.Rig(renderer, {"top": [sensors.ToneCurve(points)]})
+    parameters = rig.parameters("top")
+    assert parameters.tone_curve_points.data_ptr() == points.data_ptr()
+    points[1, :, 1] = 0.25
+    colors = rig.read()["top"]["rgb"].cpu().numpy()
+    assert (colors[1] == 64).all() and (colors[[0, 2]] != 64).any()
+    low, high = ((0.0, 0.0), (0.5, 0.2), (1.0, 0.6)), ((0.0, 0.0), (0.5, 0.4), (1.0, 0.9))
+    wc.randomize(parameters, tone_curve_points=(low, high), seed=1)
+    drawn = points.cpu().numpy()
+    assert (drawn[:, :, 0] == (0.0, 0.5, 1.0)).all() and len(np.unique(drawn[:, 1, 1])) == 3
+    assert (drawn >= np.float32(low)).all() and (drawn <= np.float32(high)).all()
+    light = srgb_to_linear(renderer.images["top"]["rgb"].cpu().numpy() / 255.0)
+    for world, colors in enumerate(rig.read()["top"]["rgb"].cpu().numpy()):
+        expected = 255.0 * np.interp(light[world], *drawn[world].T)
+        np.testing.assert_allclose(colors, expected, atol=0.51)
 
 
 def test_gamma_is_a_power(device: wp.Device) -> None:
@@ -82,11 +113,20 @@ def test_display_colors_have_steps(device: wp.Device) -> None:
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        ([(0.0, 0.0)], r"points must have shape \(point, 2\), two points at least, got \(1, 2\)"),
+        (
+            [(0.0, 0.0)],
+            r"points must have shape \(point, 2\) or \(world, point, 2\), two points at least, got \(1, 2\)",
+        ),
         ([0.0, 1.0], r"points must have shape \(point, 2\)"),
         ([(0.0, 0.0), (0.0, 1.0)], "points must be finite, their light growing"),
         ([(0.0, 0.0), (float("nan"), 1.0)], "points must be finite"),
         ("filmic", "points must be numbers"),
+        (np.zeros((2, 3, 3)), r"points must have shape \(point, 2\) or \(world, point, 2\), .* got \(2, 3, 3\)"),
+        (
+            np.linspace((0.0, 0.0), (1.0, 1.0), 4) + np.zeros((3, 1, 1)),
+            r"points must have shape \(4, 2\) or \(2, 4, 2\), got \(3, 4, 2\)",
+        ),
+        ([[(0.0, 0.0), (1.0, 1.0)], [(1.0, 0.0), (0.0, 1.0)]], "points must be finite, their light growing"),
     ],
 )
 def test_bad_points_are_refused(points: Any, message: str) -> None:

@@ -33,8 +33,7 @@ def per_world(
     Raises:
         WarpcamError: It is neither (*width) nor (world, *width), or holds something else than finite numbers.
     """
-    several = f"({num_worlds}, {width[0]})" if width else f"({num_worlds},)"
-    allowed = f"{width or 'a number'} or {several}"
+    allowed = f"{width or 'a number'} or {(num_worlds, *width)}"
     torch_interop.require_wxyz(value, where)
     raw = as_numbers(value, where, f"numbers, {allowed}")
     with np.errstate(over="ignore"):  # what float32 cannot hold is not finite

@@ -28,7 +28,7 @@ def write_ply(path: str | Path, cloud: Mapping[str, Any], world: int = 0) -> Non
 
     Raises:
         WarpcamError: There is no such world, ``cloud`` is none, trimesh is not installed, colours or normals have other
-            channels, or a file cannot have an attribute of that name.
+            channels, a file cannot have an attribute of that name, or the file cannot be written.
     """
     try:
         import trimesh
@@ -48,7 +48,11 @@ def write_ply(path: str | Path, cloud: Mapping[str, Any], world: int = 0) -> Non
         vertex_attributes=columns,
         process=False,
     )
-    Path(path).write_bytes(trimesh.exchange.ply.export_ply(shape, vertex_normal=normals is not None))
+    data = trimesh.exchange.ply.export_ply(shape, vertex_normal=normals is not None)
+    try:
+        Path(path).write_bytes(data)
+    except OSError as error:
+        raise WarpcamError(f"write_ply: {path} cannot be written: {error.strerror}") from None
 
 
 def to_open3d(cloud: Mapping[str, Any], world: int = 0) -> Any:

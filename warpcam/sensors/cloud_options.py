@@ -12,6 +12,7 @@ from warpcam.core.errors import WarpcamError
 Method = Literal["farthest", "uniform", "first"]
 Padding = Literal["repeat", "zeros"]
 Corners = tuple[Sequence[float], Sequence[float]]
+MOST_VOXELS = 2**30  # from the origin, as in native/sensors/voxel_points.h
 MAX_ID = 2**24  # that may be excluded: a byte for each lower one is kept
 SMALLEST, LARGEST = (float(bound) for bound in (np.finfo(np.float32).tiny, np.finfo(np.float32).max))
 RESERVED = ("points", "count", "pixels")  # names that clouds have in any case
@@ -39,7 +40,13 @@ class CloudOptions:
         is_number = isinstance(size, int | float | np.number) and not isinstance(size, bool)
         if size is not None and not (is_number and SMALLEST <= size <= LARGEST):
             raise WarpcamError(f"PointClouds: voxel_size must be above 0 and finite [m], or None, got {size!r}")
-        self.corners()
+        corners = np.abs(self.corners())
+        reach = float(corners[np.isfinite(corners)].max(initial=0.0))
+        if size is not None and reach > MOST_VOXELS * size:
+            raise WarpcamError(
+                f"PointClouds: voxel_size must be at least {reach / MOST_VOXELS:.3g} m for bounds within 2^30 voxels "
+                f"of the origin, got {size!r}; bounds may be infinite where there is none"
+            )
 
     def corners(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest corner of the box, (3,) float32 [m]; infinite without one."""

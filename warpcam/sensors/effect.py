@@ -23,15 +23,20 @@ Kind = Literal["depth", "linear", "display", "delivery"]
 
 
 def parameter(
-    default: Any = dataclasses.MISSING, *, low: float = -np.inf, high: float = np.inf, width: tuple[int, ...] = ()
+    default: Any = dataclasses.MISSING,
+    *,
+    low: float = -np.inf,
+    high: float = np.inf,
+    width: tuple[int | None, ...] = (),
 ) -> Any:
     """Declare a field of an effect that is a number, or a row of numbers, in each world.
 
     Args:
-        default: What it is unless given; nothing makes it an argument that must be given.
+        default: What it is unless given; nothing makes it an argument that must be given. With None the effect does
+            without, and has no such parameter then.
         low: Lowest value allowed.
         high: Highest value allowed.
-        width: Shape of an entry; () is a number.
+        width: Shape of an entry; () is a number. None in it is as many as the user gives.
     """
     return field(default=default, metadata={"low": low, "high": high, "width": width})
 
@@ -62,6 +67,7 @@ class Effect:
             where it can.
         needs_pinhole: It reads focal length or rays from ``EffectFrame.views``, which only a pinhole lens has there.
         timed: It needs the simulation's time.
+        least_size: Width and height that images must have at least [pixels].
     """
 
     kind: ClassVar[Kind]
@@ -74,6 +80,7 @@ class Effect:
     starts_with_bytes: ClassVar[bool] = False
     needs_pinhole: ClassVar[bool] = False
     timed: ClassVar[bool] = False
+    least_size: ClassVar[int] = 1
 
     def check(self, where: str) -> None:
         """Raise a WarpcamError for settings that are no parameters and not allowed; ``where`` begins the message."""
@@ -178,7 +185,10 @@ class EffectFrame:
 
 def parameters_of(effect: object) -> Iterator[dataclasses.Field[Any]]:
     """Fields of an effect, or of another dataclass, that have a value for each world."""
-    return (entry for entry in dataclasses.fields(effect) if "width" in entry.metadata)  # type: ignore[arg-type]
+    for entry in dataclasses.fields(effect):  # type: ignore[arg-type]
+        is_left_out = entry.default is None and getattr(effect, entry.name) is None
+        if "width" in entry.metadata and not is_left_out:
+            yield entry
 
 
 def side_by_side(effect: object, where: str, *names: str) -> list[np.ndarray]:
@@ -219,7 +229,11 @@ def world_numbers(value: Any, where: str, limits: Mapping[str, Any], num_worlds:
         WarpcamError: They are of another shape, not finite, or outside of what is allowed; or a tensor that would be
             used where it lies is on another device or not contiguous.
     """
-    numbers = per_world(value, where, num_worlds, limits["width"])
+    width = limits["width"]
+    if None in width:
+        given_width = as_numbers(value, where).shape[-len(width) :]
+        width = tuple(b if a is None else a for a, b in zip(width, given_width, strict=True))
+    numbers = per_world(value, where, num_worlds, width)
     outside = numbers[(numbers < limits["low"]) | (numbers > limits["high"])]
     if outside.size:
         raise WarpcamError(f"{where} must be from {limits['low']:g} to {limits['high']:g}, got {outside[0]:g}")

@@ -193,6 +193,11 @@ class Measurement:
                     f"{self._where}: {name} needs {' and '.join(map(repr, missing))} among the camera's outputs, which "
                     f"are {', '.join(map(repr, self._truth))}"
                 )
+            if min(self.width, self.height) < effect.least_size:
+                raise WarpcamError(
+                    f"{self._where}: {name} needs images of at least {effect.least_size} x {effect.least_size} pixels, "
+                    f"got {self.width} x {self.height}"
+                )
             if effect.needs_pinhole and not self._is_pinhole():
                 raise WarpcamError(f"{self._where}: {name} needs a camera with a pinhole lens (warpcam.Pinhole)")
             if effect.kind == "depth":

@@ -42,7 +42,8 @@ class PointClouds:
             is farthest from all chosen (farthest point sampling: Eldar et al., "The Farthest Point Strategy for
             Progressive Image Sampling", 1997), exactly, the first of those that are equally far. "uniform": any, all as
             likely, drawn anew at each read from ``seed``, in random order. "first": the first.
-        voxel_size: Edge of a voxel [m]. Voxels are aligned with the origin of ``frame``. None keeps all points.
+        voxel_size: Edge of a voxel [m]. Voxels are aligned with the origin of ``frame``, and of points more than 2^30
+            voxels from it along an axis one stays for each side; ``bounds`` must lie nearer. None keeps all points.
         frame: Frame of points and normals: "world"; a camera of the renderer (x right, y up, z backward) as it was
             drawn; or a body as it is when ``read`` is called. A name that is both is told apart by ("camera", name) or
             ("body", name).

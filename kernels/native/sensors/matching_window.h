@@ -194,7 +194,7 @@ WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, const 
         return;
     const int left = MATCH_SIDE * (block - line * across), top = MATCH_SIDE * (line - world * down);
     const float focal = given.focal.data[world];
-    const float pixels = focal > 0.0f ? focal : 1.0f / given.views.data[world].scale[0];
+    const float pixels = focal <= 0.0f ? 1.0f / given.views.data[world].scale[0] : focal;
     const WindowRule rule = { pixels * given.baseline.data[world], given.tolerance.data[world], given.share.data[world],
                               given.radius };
     const size_t start = size_t(world) * width * height;
@@ -225,8 +225,10 @@ WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, const 
             alike -= count_strays(middle, reach, mean, growth);
             const int columns = min(column + radius + 1, width) - max(column - radius, 0);
             const int lines = min(row + radius + 1, height) - max(row - radius, 0);
-            if (float(alike) < rule.share * float(lines * columns))
+            if (!(float(alike) >= rule.share * float(lines * columns)))
                 depth = 0.0f;
+        } else if (disparity != UNMATCHED) {
+            depth = 0.0f;  // of a rule that is NaN
         }
         out[row * width + column] = depth;
     }

@@ -22,7 +22,7 @@ class BayerMosaic(Effect):
 
     "bilinear" takes means of the nearest pixels with the channel. "malvar" has the linear filters of 5 x 5 pixels of
     Malvar, He and Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images", ICASSP
-    2004, cut off below 0. The image is mirrored at its borders.
+    2004, cut off below 0. The image is mirrored at its borders; it must have at least 3 x 3 pixels.
 
     Attributes:
         filters: Filters of the first 2 x 2 pixels, row by row.
@@ -35,6 +35,7 @@ class BayerMosaic(Effect):
     kind = "linear"
     in_place = False
     writes_bytes = True
+    least_size = 3
 
     def check(self, where: str) -> None:
         for name, kind in (("filters", Filters), ("interpolation", Interpolation)):
@@ -43,10 +44,6 @@ class BayerMosaic(Effect):
                 raise WarpcamError(f"{where}: {name} must be {', '.join(map(repr, get_args(kind)))}, got {value!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
-        if min(frame.width, frame.height) < 3:
-            raise WarpcamError(
-                f"BayerMosaic: the image must have at least 3 x 3 pixels, it has {frame.width} x {frame.height}"
-            )
         mosaic = Mosaic()
         mosaic.numbers = shared(frame.source, (len(frame.worlds), 3 * frame.width * frame.height), wp.float32)
         mosaic.width, mosaic.height = frame.width, frame.height

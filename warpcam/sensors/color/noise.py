@@ -4,8 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.sensors.effect import Effect, EffectFrame, parameter
+from warpcam.sensors.effect import Effect, EffectFrame, parameter, side_by_side
 from warpcam.sensors.kernels.electrons import LinearCamera, add_normal, count_electrons, measure_linearly
 
 
@@ -74,7 +77,7 @@ class Emva1288(Effect):
         dark_noise: Temporal dark noise, standard deviation [e-]; a number or (world,).
         dark_current: [e- / s]; a number or (world,).
         exposure_time: Time in which dark current gathers [s]; a number or (world,).
-        black_level: Digital number of no electrons [DN]; a number or (world,).
+        black_level: Digital number of no electrons [DN], below the greatest of so many bits; a number or (world,).
         bits: Of the converter, to the next whole number; a number or (world,).
     """
 
@@ -91,6 +94,15 @@ class Emva1288(Effect):
     kind = "linear"
     reads_bytes = True
     writes_bytes = True
+
+    def check(self, where: str) -> None:
+        black, bits = side_by_side(self, where, "black_level", "bits")
+        greatest = 2.0 ** np.floor(bits + 0.5) - 1.0
+        if (above := black >= greatest).any():
+            raise WarpcamError(
+                f"{where}: black_level must be below the greatest number of the bits, {greatest[above][0]:g}, got "
+                f"{black[above][0]:g}"
+            )
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         camera = LinearCamera()

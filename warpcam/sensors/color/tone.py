@@ -9,6 +9,7 @@ import warp as wp
 
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
+from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
 from warpcam.sensors.kernels.tone import (
@@ -24,15 +25,15 @@ from warpcam.sensors.kernels.tone import (
 
 @dataclass(frozen=True, eq=False)
 class ToneCurve(Effect):
-    """A tone curve from linear light to display colours, equal for all channels and worlds.
+    """A tone curve from linear light to display colours, equal for all channels.
 
     Attributes:
-        points: Light and display value of points of the curve, (point, 2), with straight lines between them and
-            constants beyond; light must grow from point to point. None is the curve of sRGB (IEC 61966-2-1), which
-            colours also go through where a chain has no curve.
+        points: Light and display value of points of the curve, (point, 2) or (world, point, 2), with straight lines
+            between them and constants beyond; light must grow from point to point, also where points are written in
+            place. None is the curve of sRGB (IEC 61966-2-1), which colours also go through where a chain has no curve.
     """
 
-    points: Any = None
+    points: Any = parameter(None, width=(None, 2))
 
     kind = "linear"
     reads_bytes = True
@@ -42,18 +43,20 @@ class ToneCurve(Effect):
     def check(self, where: str) -> None:
         if self.points is None:
             return
-        points = as_numbers(self.points, f"{where}: points", "numbers, (point, 2)")
-        if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
-            raise WarpcamError(f"{where}: points must have shape (point, 2), two points at least, got {points.shape}")
-        if not np.isfinite(points).all() or (np.diff(points.astype(np.float32)[:, 0]) <= 0.0).any():
+        points = as_numbers(self.points, f"{where}: points", "numbers, (point, 2) or (world, point, 2)")
+        if points.ndim not in (2, 3) or points.shape[-1] != 2 or points.shape[-2] < 2:
+            raise WarpcamError(
+                f"{where}: points must have shape (point, 2) or (world, point, 2), two points at least, got "
+                f"{points.shape}"
+            )
+        if not np.isfinite(points).all() or (np.diff(points.astype(np.float32)[..., 0], axis=-1) <= 0.0).any():
             raise WarpcamError(f"{where}: points must be finite, their light growing, got {points.tolist()}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
         if self.points is None:
             return [frame.per_color_strip(apply_srgb, [])]
-        numbers = np.ascontiguousarray(as_numbers(self.points, "points"), np.float32)
-        points = wp.array(numbers, dtype=wp.vec2, device=frame.device)
-        return [frame.per_color_strip(apply_points, [points])]
+        points = frame.params.points
+        return [frame.per_color_strip(apply_points, [shared(points, points.shape[:2], wp.vec2)])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
-from warpcam.sensors.kernels.depth_values import cell_of, cell_side, incidence, is_measured
+from warpcam.sensors.kernels.depth_values import cell_of, cell_side, happens, incidence, is_measured
 from warpcam.sensors.kernels.random import Randomness, frame_state
 
 wp.set_module_options(compiler_flags())
@@ -70,8 +70,8 @@ def drop_edges(
         depth = source[world, pixel]
         if is_measured(depth):
             least, greatest = joined(above, here, below)
-            if greatest - least > limit:
-                if wp.randf(wp.rand_init(random, pixel)) < chance:
+            if not (greatest - least <= limit):
+                if happens(wp.randf(wp.rand_init(random, pixel)), chance):
                     depth = wp.float32(0.0)
         target[world, pixel] = depth
         above = here
@@ -103,10 +103,12 @@ def mix_edges(
         depth = source[world, pixel]
         if is_measured(depth):
             least, greatest = joined(above, here, below)
-            if greatest < wp.inf and greatest - least > limit:
+            if greatest < wp.inf and not (greatest - least <= limit):
                 state = wp.rand_init(random, pixel)
-                if wp.randf(state) < chance:
+                if happens(wp.randf(state), chance):
                     depth = wp.lerp(least, greatest, wp.randf(state))
+                    if wp.isnan(limit + chance):
+                        depth = 0.0
         target[world, pixel] = depth
         above = here
         here = below
@@ -137,8 +139,8 @@ def drop_grazing(
         depth = source[world, pixel]
         if is_measured(depth):
             beyond = wp.degrees(incidence(view, normals, world, row, column)) - begin
-            if beyond > 0.0:
-                if wp.randf(wp.rand_init(random, pixel)) * ramp < beyond:
+            if not (beyond <= 0.0):
+                if not (wp.randf(wp.rand_init(random, pixel)) * ramp >= beyond):
                     depth = wp.float32(0.0)
         target[world, pixel] = depth
 
@@ -169,8 +171,8 @@ def drop_dark(
             green = wp.float32(colors[world, row, column, 1])
             blue = wp.float32(colors[world, row, column, 2])
             gray = 0.299 * red + 0.587 * green + 0.114 * blue
-            if gray < limit:
-                if wp.randf(wp.rand_init(random, pixel)) < chance:
+            if not (gray >= limit):
+                if happens(wp.randf(wp.rand_init(random, pixel)), chance):
                     depth = wp.float32(0.0)
         target[world, pixel] = depth
 
@@ -189,7 +191,7 @@ def drop_at_random(
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    chance = probability[world]
+    chance = wp.where(wp.isnan(cell[world]), cell[world], probability[world])
     side = cell_side(cell[world])
     random = frame_state(randomness, world)
     for row in range(top, bottom):
@@ -197,7 +199,7 @@ def drop_at_random(
         depth = source[world, pixel]
         if is_measured(depth):
             state = wp.rand_init(random, cell_of(row, column, size[0], side))
-            if wp.randf(state) < chance:
+            if happens(wp.randf(state), chance):
                 depth = wp.float32(0.0)
         target[world, pixel] = depth
 
@@ -218,7 +220,7 @@ def quantize_depth(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         depth = source[world, pixel]
-        if is_measured(depth) and step > 0.0:
+        if is_measured(depth) and step != 0.0:
             units = wp.floor(depth / step + 0.5)
             depth = wp.where(units <= 65535.0, units * step, 0.0)
         target[world, pixel] = depth

@@ -32,8 +32,8 @@ def shift_nearest(
         return
     width, height = size[0], size[1]
     view = views[world]
-    least = constant[world]
     growth = angular[world]
+    least = wp.where(wp.isnan(growth), growth, constant[world])
     ratio = resolution(focal[world], focal_y[world], view)
     random = frame_state(randomness, world)
     for row in range(top, bottom):
@@ -47,7 +47,8 @@ def shift_nearest(
         y = wp.float32(row) + sigma * ratio[1] * down
         other_column = wp.clamp(wp.int32(wp.floor(x + 0.5)), 0, width - 1)
         other_row = wp.clamp(wp.int32(wp.floor(y + 0.5)), 0, height - 1)
-        target[world, pixel] = source[world, other_row * width + other_column]
+        depth = source[world, other_row * width + other_column]
+        target[world, pixel] = wp.where(wp.isnan(x + y), 0.0, depth)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -74,6 +75,9 @@ def shift_bilinear(
         pixel = row * width + column
         state = wp.rand_init(random, pixel)
         across, down, _ = two_normals(state)
+        if wp.isnan(sigma[0] + sigma[1]):
+            target[world, pixel] = 0.0
+            continue
         x = wp.clamp(wp.float32(column) + sigma[0] * across, 0.0, wp.float32(width - 1))
         y = wp.clamp(wp.float32(row) + sigma[1] * down, 0.0, wp.float32(height - 1))
         left = wp.int32(x)

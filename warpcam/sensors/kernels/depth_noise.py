@@ -5,7 +5,7 @@ import warp as wp
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import strip_of
 from warpcam.kernels.types import View
-from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured
+from warpcam.sensors.kernels.depth_values import grazing_ratio, incidence, is_measured, not_negative
 from warpcam.sensors.kernels.random import Randomness, device_state, element_state, frame_state, one_normal
 
 wp.set_module_options(compiler_flags())
@@ -71,7 +71,7 @@ def add_polynomial_noise(
         pixel = row * size[0] + column
         depth = source[world, pixel]
         if is_measured(depth):
-            sigma = wp.max(c0 + (c1 + c2 * depth) * depth, 0.0)
+            sigma = not_negative(c0 + (c1 + c2 * depth) * depth)
             depth = wp.max(depth + bias + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth
 
@@ -99,7 +99,7 @@ def add_ramp_noise(
         pixel = row * size[0] + column
         depth = source[world, pixel]
         if is_measured(depth):
-            sigma = least + growth * wp.max(depth - begin, 0.0)
+            sigma = least + growth * not_negative(depth - begin)
             depth = wp.max(depth + sigma * one_normal(wp.rand_init(random, pixel)), 0.0)
         target[world, pixel] = depth
 

@@ -15,21 +15,33 @@ def is_measured(depth: wp.float32) -> wp.bool:
 
 @wp.func
 def focal_length(given: wp.float32, view: View) -> wp.float32:
-    """Focal length across [pixels]: the given one, or that of the view where it is 0."""
-    return wp.where(given > 0.0, given, 1.0 / view.scale[0])
+    """Focal length across [pixels]: the given one, or that of the view where it is 0; NaN where the given one is."""
+    return wp.where(given <= 0.0, 1.0 / view.scale[0], given)
 
 
 @wp.func
 def resolution(across: wp.float32, down: wp.float32, view: View) -> wp.vec2:
     """Pixels of the view across and down for each pixel of a sensor with the given focal lengths [pixels].
 
-    That down is equal to that across where it is 0. 1 where neither is given.
+    That down is equal to that across where it is 0. 1 where neither is given; NaN where what is given is NaN.
     """
-    focal_y = wp.where(down > 0.0, down, across)
+    focal_y = wp.where(down <= 0.0, across, down)
     return wp.vec2(
-        wp.where(across > 0.0, 1.0 / (view.scale[0] * across), 1.0),
-        wp.where(focal_y > 0.0, 1.0 / (view.scale[1] * focal_y), 1.0),
+        wp.where(across <= 0.0, 1.0, 1.0 / (view.scale[0] * across)),
+        wp.where(focal_y <= 0.0, 1.0, 1.0 / (view.scale[1] * focal_y)),
     )
+
+
+@wp.func
+def not_negative(sigma: wp.float32) -> wp.float32:
+    """The number, or 0 where it is below; NaN stays, which ``wp.max`` takes for 0."""
+    return wp.where(sigma < 0.0, 0.0, sigma)
+
+
+@wp.func
+def happens(draw: wp.float32, probability: wp.float32) -> wp.bool:
+    """Whether a draw from [0, 1) is below a probability; always if that is NaN."""
+    return not (draw >= probability)
 
 
 @wp.func

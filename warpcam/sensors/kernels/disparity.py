@@ -31,7 +31,7 @@ def add_disparity_noise(
         return
     scale = focal_length(focal[world], views[world]) * baseline[world]
     error = bias[world]
-    deviation = sigma[world]
+    deviation = wp.where(wp.isnan(cell[world]), cell[world], sigma[world])
     side = cell_side(cell[world])
     random = frame_state(randomness, world)
     for row in range(top, bottom):
@@ -64,7 +64,7 @@ def quantize_disparity(
     for row in range(top, bottom):
         pixel = row * size[0] + column
         depth = source[world, pixel]
-        if is_measured(depth) and least > 0.0:
+        if is_measured(depth) and least != 0.0:
             steps = wp.floor(scale / (depth * least) + 0.5)
             depth = wp.where(steps > 0.0, scale / (steps * least), 0.0)
         target[world, pixel] = depth

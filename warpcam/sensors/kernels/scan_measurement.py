@@ -7,6 +7,7 @@ import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.indices import row_and_column
+from warpcam.sensors.kernels.depth_values import happens, not_negative
 from warpcam.sensors.kernels.random import Randomness, world_state
 from warpcam.sensors.kernels.range_limits import at_limit
 from warpcam.sensors.kernels.scan_planes import FAR_AWAY, EndlessPlanes, runs_along_plane, within_reach
@@ -76,9 +77,9 @@ def is_dropped(
     light: wp.float32, rate: wp.float32, limit: wp.float32, zero: wp.float32, one: wp.float32, other: wp.float32
 ) -> wp.bool:
     """Dropout of CARLA's ray-cast lidar, of two numbers drawn from [0, 1)."""
-    dropped = one < rate
-    if limit > 0.0 and light <= limit:
-        dropped = dropped or other >= zero / limit * light + 1.0 - zero
+    dropped = happens(one, rate) or wp.isnan(light)
+    if limit != 0.0 and not (light > limit):
+        dropped = dropped or not (other < zero / limit * light + 1.0 - zero)
     return dropped
 
 
@@ -131,7 +132,10 @@ def measure(
     limit = params.dropout_intensity_limit[world]
     zero = params.dropout_zero_intensity[world]
     attenuation = params.dropout_attenuation[world]
-    is_random = wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero > 0.0
+    # Numbers that are NaN count, and nothing returns.
+    is_random = wp.isnan(attenuation + limit) or not (
+        wp.abs(constant) + wp.abs(linear) + wp.abs(quadratic) + rate + zero <= 0.0
+    )
     common = wp.int32(0)  # of the random numbers of the world
     if is_random:
         common = world_state(randomness, world, randomness.frames[world])
@@ -164,10 +168,10 @@ def measure(
                 one = wp.randf(state)
                 other = wp.randf(state)
                 sigma = constant + distance * (linear + distance * quadratic)
-                measured += wp.max(sigma, 0.0) * wp.randn(state)
+                measured += not_negative(sigma) * wp.randn(state)
                 returns = not is_dropped(wp.exp(-attenuation * distance), rate, limit, zero, one, other)
             measured += offset
-            if step > 0.0:
+            if step != 0.0:
                 measured = at_limit(step * wp.round(measured / step), near, far)
             returns = returns and measured >= near and measured <= far
         if not returns:

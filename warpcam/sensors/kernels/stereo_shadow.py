@@ -112,7 +112,7 @@ def drop_hidden(
             steps = wp.min(wp.int32(scale / nearest[world, row] - own + 0.5) + 1, inside)
             before = wp.float32(own)
             here = disparity_at(source, world, start, column + direction, width, scale)
-            hidden = wp.bool(False)
+            hidden = wp.isnan(scale)
             k = wp.int32(1)
             while k <= steps and not hidden:
                 after = disparity_at(source, world, start, column + direction * (k + 1), width, scale)

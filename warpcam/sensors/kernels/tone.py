@@ -100,7 +100,7 @@ def apply_gamma(
 def apply_points(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
-    points: wp.array(dtype=wp.vec2),
+    points: wp.array2d(dtype=wp.vec2),
     source: ColorSource,
     target: ColorTarget,
     first: wp.int32,
@@ -114,15 +114,15 @@ def apply_points(
         value = color_at(source, world, pixel)
         for k in range(3):
             low = wp.int32(0)
-            high = wp.int32(points.shape[0] - 1)
+            high = wp.int32(points.shape[1] - 1)
             while high - low > 1:
                 middle = (low + high) // 2
-                if points[middle][0] <= value[k]:
+                if points[world, middle][0] <= value[k]:
                     low = middle
                 else:
                     high = middle
-            begin = points[low]
-            end = points[high]
+            begin = points[world, low]
+            end = points[world, high]
             share = wp.clamp((value[k] - begin[0]) / (end[0] - begin[0]), 0.0, 1.0)
             value[k] = wp.lerp(begin[1], end[1], share)
         set_color(target, world, pixel, value)

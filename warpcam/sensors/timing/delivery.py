@@ -9,6 +9,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.core import torch_interop
+from warpcam.core.device import free_bytes
 from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
@@ -134,6 +135,7 @@ class DeliveredImages:
         self._effect, self._device = effect, some.device
         worlds, slots = some.shape[0], int(effect.capacity)
         _check_capacity(effect, params, where)
+        _check_room(effect, sources, where)
         self.images = {name: wp.zeros_like(image) for name, image in sources.items()}
         self._copies = [_Copies.of(image, self.images[name], slots) for name, image in sources.items()]
         self._stored, self._shown = (wp.full(worlds, kernels.NO_FRAME, wp.int32, device=self._device) for _ in range(2))
@@ -173,4 +175,22 @@ def _check_capacity(effect: Delivery, params: Images, where: str) -> None:
         raise WarpcamError(
             f"{where}: Delivery: capacity must be at least {needed} for frames under way so long at this rate, got "
             f"{effect.capacity}"
+        )
+
+
+def _check_room(effect: Delivery, sources: Images, where: str) -> None:
+    """Raise where frames under way have no room: 2^31 bytes of an output in a world, and what the device has free."""
+    some = next(iter(sources.values()))
+    sizes = [image.size // len(image) * wp.types.type_size_in_bytes(image.dtype) for image in sources.values()]
+    each, free, device = len(some) * sum(sizes), free_bytes(some.device), some.device.alias
+    most = (2**31 - 1) // max(sizes)
+    if effect.capacity > most:
+        raise WarpcamError(
+            f"{where}: Delivery: capacity must be at most {most}, for which an output of a world has less than 2^31 "
+            f"bytes, got {effect.capacity}, for which all worlds need {each * effect.capacity:,} bytes"
+        )
+    if free is not None and each * effect.capacity > free:
+        raise WarpcamError(
+            f"{where}: Delivery: capacity must be at most {free // each}, for which there is room, got "
+            f"{effect.capacity}; {each * effect.capacity:,} bytes are needed, {free:,} are free on {device}"
         )
