@@ -22,6 +22,8 @@ except ImportError as error:
         f"{error.name} is not installed, and warpcam.envs needs it: pip install 'warpcam[gymnasium]'"
     ) from error
 
+__all__ = ["OneWorld", "PixelObservation"]
+
 LAYOUTS = ("HWC", "CHW")
 KINDS = ("numpy", "torch")
 

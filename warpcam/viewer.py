@@ -21,6 +21,8 @@ except ImportError as error:
         f"{error.name} is not installed, and warpcam.viewer needs it: pip install 'warpcam[view]'"
     ) from error
 
+__all__ = ["Viewer"]
+
 FREE = "free"  # the camera that each page moves
 OUTPUTS = tuple(name for name in outputs.OUTPUTS if name not in ("rgba", "flow_valid"))
 SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges

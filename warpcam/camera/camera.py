@@ -29,7 +29,7 @@ class Camera:
         name: Name or index of the scene's camera, or the name of your own. Its images carry it as their key.
         width: Of the image [pixels].
         height: Of the image [pixels].
-        outputs: What to render: names in ``warpcam.camera.outputs.OUTPUTS``.
+        outputs: What to render: names in ``warpcam.outputs.OUTPUTS``.
         lens: In place of the scene camera's own lens; a camera of your own needs one.
         position: (3,) or (world, 3), in the parent's frame [m]; the parent's origin unless given.
         rotation: Quaternion, w x y z, (4,) or (world, 4), in the parent's frame; of any length but 0.

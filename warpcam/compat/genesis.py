@@ -17,6 +17,16 @@ from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
 from warpcam.sensors.patterns.pattern import count_of, number_of, positive
 
+__all__ = [
+    "DepthCamera",
+    "DepthCameraPattern",
+    "GridPattern",
+    "RaycastPattern",
+    "Raycaster",
+    "RaycasterData",
+    "SphericalPattern",
+]
+
 Pair = tuple[Any, Any]
 ROUND = 360.0  # a turn that returns to where it began [degrees]
 

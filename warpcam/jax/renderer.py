@@ -58,7 +58,11 @@ class Renderer:
         device: Where to allocate when a program is compiled: a name, a Warp or torch device, a CUDA ordinal. None is
             JAX's default device. A program that runs on another device allocates there at its first run.
         graph: Replay each frame as a CUDA graph, as ``warpcam.Renderer`` does.
-        groups, draw, reflections, transparency, planes_from_behind: As ``from_mujoco_warp`` has them.
+        groups: As ``from_mujoco_warp`` has them, and so are all that follow.
+        draw: Kinds of objects that are drawn.
+        reflections: Which planes and boxes may reflect.
+        transparency: Which geoms may be transparent.
+        planes_from_behind: Planes are seen from behind, too.
 
     Raises:
         WarpcamError: A camera does not fit the model.

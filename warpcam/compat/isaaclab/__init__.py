@@ -6,10 +6,14 @@ Lab's configurations and do not need Isaac Lab.
 """
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from warpcam.compat.isaaclab.ray_caster import RayCaster, RayCasterData
 from warpcam.compat.isaaclab.ray_caster_camera import RayCasterCamera, RayCasterCameraData
+
+if TYPE_CHECKING:
+    from warpcam.compat.isaaclab.renderer import WarpcamRenderer
+    from warpcam.compat.isaaclab.renderer_cfg import WarpcamRendererCfg
 
 __all__ = [
     "RayCaster",
