@@ -66,6 +66,7 @@ def _uri(path: str) -> str:
     """Where the site's sources have a file of the repository."""
     if path.startswith("docs/"):
         return path.removeprefix("docs/")
+    path = path.replace("README.md", "about.md")  # else MkDocs makes it the heading of its section
     return f"{FOLDER}/{path}.md" if Path(path).suffix in LANGUAGES else f"{FOLDER}/{path}"
 
 
