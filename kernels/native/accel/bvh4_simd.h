@@ -82,11 +82,19 @@ template <class Types, bool ANY> constexpr Sides SIDES_OF = ANY && Types::has(SH
                                                             : Types::has(TWO_SIDED)          ? FRONTS_AND_MARKED
                                                                                              : FRONTS;
 
+// A node or leaf that rays have still to test, and where each enters it.
+struct Pending {
+    int child;
+    unsigned rays;
+    float enter[WARP_SIZE];
+};
+
 // Rays at one mesh, by number.
 struct MeshRays {
     static constexpr int STACK_CAPACITY = STACK + 5;  // with what ends it, and three that a step writes too many
     static constexpr int NODE = 4 * NODE_ROWS, FACE = 4 * FACE_ROWS;  // floats
     static constexpr int INTERLEAVED_RAYS = 4;  // so many rays are enough to walk side by side
+    static constexpr int TOGETHER = 6;  // so many rays at a node test its children together
 
     const float *nodes, *faces;
     float scale[3][WARP_SIZE], in[3][WARP_SIZE],
@@ -153,12 +161,12 @@ struct MeshRays {
         __builtin_memcpy(to, &values, sizeof values);
     }
 
-    // Makes a ray that was put walk.
-    void start(int ray)
+    // Makes a ray that was put walk, from a node on.
+    void start(int ray, int node)
     {
-        face[ray] = -1;
         height[ray] = 1;
-        child[ray][0] = child[ray][1] = 0;
+        child[ray][0] = 0;
+        child[ray][1] = node;
         entry[ray][0] = -1;  // the bits of no number: not beyond any depth
         walking[num_walking++] = ray;
     }
@@ -183,10 +191,10 @@ struct MeshRays {
         return child[ray][height[ray]];
     }
 
-    // The leaf on top against its ray. there(ray, face, depth): the face is there where it is met.
-    template <Sides SIDES, class There> void test_leaf(int ray, const There& there)
+    // A leaf against a ray. there(ray, face, depth): the face is there where it is met.
+    template <Sides SIDES, class There> void test_leaf(int ray, int leaf, const There& there)
     {
-        const int code = -child[ray][height[ray]] - 1, begin = code >> 4, end = begin + (code & 15);
+        const int code = -leaf - 1, begin = code >> 4, end = begin + (code & 15);
         const auto of_frame = [&](int k) { return (Float8)frame[k][ray]; };
         for (int number = begin; number < end; number += SIMD_WIDTH) {
             const float* rows[SIMD_WIDTH];
@@ -223,6 +231,48 @@ struct MeshRays {
         }
     }
 
+    // A leaf against many rays.
+    template <Sides SIDES, class There> void test_leaf_together(unsigned rays, int leaf, const There& there)
+    {
+        const int code = -leaf - 1, begin = code >> 4, end = begin + (code & 15);
+        for (int number = begin; number < end; ++number) {
+            const float* const rows = faces + size_t(unsigned(number)) * FACE;
+            const Int8 both = as_int(rows[7]) != 0 ? -1 : 0;
+            for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH) {
+                const unsigned asking = rays >> first & 255u;
+                if (asking == 0)
+                    continue;
+                const auto of_frame = [&](int k) { return get(frame[k] + first); };
+                Corners corners[3];
+                for (int corner = 0; corner < 3; ++corner) {
+#pragma clang fp contract(off)
+                    const Float8 x = rows[4 * corner] - of_frame(0), y = rows[4 * corner + 1] - of_frame(1),
+                                 z = rows[4 * corner + 2] - of_frame(2);
+                    corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
+                                        of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
+                                        of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
+                }
+                const Float8 wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
+                const Float8 wb = edges(corners[2], corners[0]), total = wa + wb + wc;
+                const Float8 none = 0.0f;
+                Int8 inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
+                if constexpr (SIDES != FRONTS)
+                    inside |= (SIDES == BOTH_SIDES ? (Int8)-1 : both) & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
+                if ((movemask(inside) & asking) == 0)
+                    continue;
+                const Float8 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+                for (unsigned left = movemask(inside & (t < get(depth + first)) & (t > get(near + first))) & asking; left;
+                     left &= left - 1) {
+                    const int ray = first + ctz(left);
+                    if (there(ray, number, t[ctz(left)])) {
+                        depth[ray] = t[ctz(left)];
+                        face[ray] = number;
+                    }
+                }
+            }
+        }
+    }
+
     // Takes what is on top away, and what lies behind the ray's hit; returns what is on top then.
     int drop(int ray)
     {
@@ -249,6 +299,105 @@ struct MeshRays {
         __builtin_prefetch(memory + 192);
     }
 
+    // Tests the children of a node for many rays; returns how many are met, and puts these on the stack, the nearest on
+    // top.
+    int step_together(const Pending& from, unsigned rays, Pending* to) const
+    {
+        const float* const rows = nodes + size_t(unsigned(from.child)) * NODE;
+        Pending met[4];
+        Float8 nearest[4];
+        for (int k = 0; k < 4; ++k) {
+            met[k].rays = 0;
+            nearest[k] = MISS;
+        }
+        for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH) {
+            if ((rays >> first & 255u) == 0)
+                continue;
+            const Float8 scale_x = get(scale[0] + first), scale_y = get(scale[1] + first), scale_z = get(scale[2] + first);
+            const Float8 in_x = get(in[0] + first), in_y = get(in[1] + first), in_z = get(in[2] + first);
+            const Float8 out_x = get(out[0] + first), out_y = get(out[1] + first), out_z = get(out[2] + first);
+            const Float8 begin = get(near + first), end = get(depth + first);
+            const Int8 back_x = scale_x < 0.0f, back_y = scale_y < 0.0f, back_z = scale_z < 0.0f;
+            for (int k = 0; k < 4; ++k) {
+                const Float8 lx = rows[k], ly = rows[4 + k], lz = rows[8 + k];
+                const Float8 ux = rows[12 + k], uy = rows[16 + k], uz = rows[20 + k];
+                const Float8 enter = max(max(fma(back_x ? ux : lx, scale_x, in_x), fma(back_y ? uy : ly, scale_y, in_y)),
+                                         max(fma(back_z ? uz : lz, scale_z, in_z), begin));
+                const Float8 t_far = min(min(fma(back_x ? lx : ux, scale_x, out_x), fma(back_y ? ly : uy, scale_y, out_y)),
+                                         min(fma(back_z ? lz : uz, scale_z, out_z), end));
+                const unsigned some = movemask(enter <= t_far) & rays >> first & 255u;
+                met[k].rays |= some << first;
+                nearest[k] = min(nearest[k], enter <= t_far ? enter : (Float8)MISS);
+                put(met[k].enter + first, enter);
+            }
+        }
+        Int4 keys;
+        for (int k = 0; k < 4; ++k)
+            keys[k] = met[k].rays ? (as_int(reduce_min(nearest[k])) & 0x7ffffffc) | k : -1;
+        keys = sorted4(keys);
+        int count = 0;
+        for (; count < 4 && keys[count] >= 0; ++count) {
+            const int k = keys[count] & 3;
+            to[count] = met[k];
+            to[count].child = as_int(rows[24 + k]);
+        }
+        return count;
+    }
+
+    static Float8 get(const float* from)
+    {
+        Float8 r;
+        __builtin_memcpy(&r, from, sizeof r);
+        return r;
+    }
+
+    // Rays of which a hit is not nearer.
+    unsigned still_meeting(const Pending& one) const
+    {
+        unsigned rays = 0;
+        for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH)
+            rays |= movemask(get(one.enter + first) < get(depth + first)) << first;
+        return rays & one.rays;
+    }
+
+    // The nearest face of each of these rays, which were put, from the root on: where many rays are at a node they go
+    // together.
+    template <Sides SIDES, bool ANY, class There> void walk_together(unsigned rays, const There& there)
+    {
+        Pending stack[STACK + 1];
+        int height = 1;
+        stack[0].child = 0;
+        stack[0].rays = rays;
+        for (int ray = 0; ray < WARP_SIZE; ++ray) {
+            stack[0].enter[ray] = near[ray];
+            face[ray] = -1;
+        }
+        while (height > 0) {
+            const Pending& top = stack[--height];
+            const int node = top.child;
+            unsigned going = still_meeting(top);
+            if (ANY)
+                for (unsigned left = going; left; left &= left - 1)
+                    if (face[ctz(left)] >= 0)
+                        going &= ~(left & -left);
+            if (going == 0)
+                continue;
+            const bool many = __builtin_popcount(going) >= TOGETHER;
+            if (node < 0 && many) {
+                test_leaf_together<SIDES>(going, node, there);
+            } else if (node < 0) {
+                for (unsigned left = going; left; left &= left - 1)
+                    test_leaf<SIDES>(ctz(left), node, there);
+            } else if (many) {
+                height += step_together(top, going, stack + height);
+            } else {
+                for (unsigned left = going; left; left &= left - 1)
+                    start(ctz(left), node);
+                walk<SIDES, ANY>(there);
+            }
+        }
+    }
+
     // The nearest face of each ray that was started, nearer than its depth; with ANY, the first one found.
     template <Sides SIDES, bool ANY, class There> void walk(const There& there)
     {
@@ -265,7 +414,7 @@ struct MeshRays {
                 num_at_leaf = 0;
                 for (int i = 0; i < count; ++i) {
                     const int ray = at_leaf[i];
-                    test_leaf<SIDES>(ray, there);
+                    test_leaf<SIDES>(ray, child[ray][height[ray]], there);
                     if (!ANY || face[ray] < 0)
                         sort(ray, drop(ray));
                 }
@@ -314,10 +463,10 @@ inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Ne
     for (int lane = 0; lane < WARP_SIZE; ++lane)
         walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<Types>(r),
                  near.at(lane), rays.depth[lane]);
+    unsigned going = 0;
     for (int lane = 0; lane < WARP_SIZE; ++lane)
-        if (met[lane])
-            walk.start(lane);
-    walk.walk<SIDES_OF<Types, false>, ANY>([&](int lane, int face, float t) {
+        going |= (met[lane] ? 1u : 0u) << lane;
+    walk.walk_together<SIDES_OF<Types, false>, ANY>(going, [&](int lane, int face, float t) {
         return is_there<Types>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
     });
     for (int lane = 0; lane < WARP_SIZE; ++lane)
