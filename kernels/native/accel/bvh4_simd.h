@@ -366,6 +366,7 @@ struct MeshRays {
     {
         Pending stack[STACK + 1];
         int height = 1;
+        unsigned waiting = 0;
         stack[0].child = 0;
         stack[0].rays = rays;
         for (int ray = 0; ray < WARP_SIZE; ++ray) {
@@ -391,11 +392,18 @@ struct MeshRays {
             } else if (many) {
                 height += step_together(top, going, stack + height);
             } else {
+                if (waiting & going) {
+                    walk<SIDES, ANY>(there);
+                    waiting = 0;
+                    ++height;  // again, as these rays may have found hits
+                    continue;
+                }
+                waiting |= going;
                 for (unsigned left = going; left; left &= left - 1)
                     start(ctz(left), node);
-                walk<SIDES, ANY>(there);
             }
         }
+        walk<SIDES, ANY>(there);
     }
 
     // The nearest face of each ray that was started, nearer than its depth; with ANY, the first one found.
