@@ -69,6 +69,15 @@ struct Corners {
     Float8 x, y, along;
 };
 
+// A corner of a face in the frame of a ray: `frame(k)` are the numbers of MeshRays::frame.
+template <class Frame> inline Corners project(const Frame& frame, Float8 at_x, Float8 at_y, Float8 at_z)
+{
+#pragma clang fp contract(off)
+    const Float8 x = at_x - frame(0), y = at_y - frame(1), z = at_z - frame(2);
+    return { frame(3) * x + (frame(4) * y + frame(5) * z), frame(6) * x + (frame(7) * y + frame(8) * z),
+             frame(9) * x + frame(10) * y + frame(11) * z };
+}
+
 inline Float8 edges(const Corners& a, const Corners& b)
 {
 #pragma clang fp contract(off)
@@ -82,11 +91,30 @@ template <class Types, bool ANY> constexpr Sides SIDES_OF = ANY && Types::has(SH
                                                             : Types::has(TWO_SIDED)          ? FRONTS_AND_MARKED
                                                                                              : FRONTS;
 
-// A node or leaf that rays have still to test, and where each enters it.
-struct Pending {
-    int child;
-    unsigned rays;
-    float enter[WARP_SIZE];
+// Eight pairs of a ray and a face: weights of the face's corners where they meet, times their sum.
+struct Weights {
+    Float8 a, b, c, total;
+
+    explicit Weights(const Corners (&corners)[3])
+        : a(edges(corners[1], corners[2])), b(edges(corners[2], corners[0])), c(edges(corners[0], corners[1])),
+          total(a + b + c)
+    {
+    }
+
+    // `both`: faces with a back.
+    template <Sides SIDES> Int8 inside(Int8 both) const
+    {
+        const Float8 none = 0.0f;
+        Int8 inside = (a >= none) & (b >= none) & (c >= none) & (total > none);
+        if constexpr (SIDES != FRONTS)
+            inside |= both & (a <= none) & (b <= none) & (c <= none) & (total < none);
+        return inside;
+    }
+
+    Float8 depth(const Corners (&corners)[3]) const
+    {
+        return (a * corners[0].along + b * corners[1].along + c * corners[2].along) / total;
+    }
 };
 
 // Rays at one mesh, by number.
@@ -94,7 +122,6 @@ struct MeshRays {
     static constexpr int STACK_CAPACITY = STACK + 5;  // with what ends it, and three that a step writes too many
     static constexpr int NODE = 4 * NODE_ROWS, FACE = 4 * FACE_ROWS;  // floats
     static constexpr int INTERLEAVED_RAYS = 4;  // so many rays are enough to walk side by side
-    static constexpr int TOGETHER = 6;  // so many rays at a node test its children together
 
     const float *nodes, *faces;
     float scale[3][WARP_SIZE], in[3][WARP_SIZE],
@@ -203,71 +230,21 @@ struct MeshRays {
             Corners corners[3];
             Int8 both = -1;
             for (int corner = 0; corner < 3; ++corner) {
-#pragma clang fp contract(off)
                 const Float8x4 at = columns_of(rows, 4 * corner);
-                const Float8 x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
-                corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
-                                    of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
-                                    of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
+                corners[corner] = project(of_frame, at.a, at.b, at.c);
                 if (SIDES == FRONTS_AND_MARKED && corner == 1)
                     both = (Int8)at.d != 0;
             }
-            const Float8 wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
-            const Float8 wb = edges(corners[2], corners[0]), total = wa + wb + wc;
-            const Float8 none = 0.0f;
-            Int8 inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
-            if constexpr (SIDES != FRONTS)
-                inside |= both & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
+            const Weights weights(corners);
+            const Int8 inside = weights.inside<SIDES>(both);
             if (!any(inside))
                 continue;
-            const Float8 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+            const Float8 t = weights.depth(corners);
             for (unsigned left = movemask(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
                 const int k = ctz(left), met = min(number + k, end - 1);
                 if (t[k] < depth[ray] && there(ray, met, t[k])) {
                     depth[ray] = t[k];
                     face[ray] = met;
-                }
-            }
-        }
-    }
-
-    // A leaf against many rays.
-    template <Sides SIDES, class There> void test_leaf_together(unsigned rays, int leaf, const There& there)
-    {
-        const int code = -leaf - 1, begin = code >> 4, end = begin + (code & 15);
-        for (int number = begin; number < end; ++number) {
-            const float* const rows = faces + size_t(unsigned(number)) * FACE;
-            const Int8 both = as_int(rows[7]) != 0 ? -1 : 0;
-            for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH) {
-                const unsigned asking = rays >> first & 255u;
-                if (asking == 0)
-                    continue;
-                const auto of_frame = [&](int k) { return get(frame[k] + first); };
-                Corners corners[3];
-                for (int corner = 0; corner < 3; ++corner) {
-#pragma clang fp contract(off)
-                    const Float8 x = rows[4 * corner] - of_frame(0), y = rows[4 * corner + 1] - of_frame(1),
-                                 z = rows[4 * corner + 2] - of_frame(2);
-                    corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
-                                        of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
-                                        of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
-                }
-                const Float8 wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
-                const Float8 wb = edges(corners[2], corners[0]), total = wa + wb + wc;
-                const Float8 none = 0.0f;
-                Int8 inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
-                if constexpr (SIDES != FRONTS)
-                    inside |= (SIDES == BOTH_SIDES ? (Int8)-1 : both) & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
-                if ((movemask(inside) & asking) == 0)
-                    continue;
-                const Float8 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
-                for (unsigned left = movemask(inside & (t < get(depth + first)) & (t > get(near + first))) & asking; left;
-                     left &= left - 1) {
-                    const int ray = first + ctz(left);
-                    if (there(ray, number, t[ctz(left)])) {
-                        depth[ray] = t[ctz(left)];
-                        face[ray] = number;
-                    }
                 }
             }
         }
@@ -297,113 +274,6 @@ struct MeshRays {
         __builtin_prefetch(memory + 64);
         __builtin_prefetch(memory + 128);
         __builtin_prefetch(memory + 192);
-    }
-
-    // Tests the children of a node for many rays; returns how many are met, and puts these on the stack, the nearest on
-    // top.
-    int step_together(const Pending& from, unsigned rays, Pending* to) const
-    {
-        const float* const rows = nodes + size_t(unsigned(from.child)) * NODE;
-        Pending met[4];
-        Float8 nearest[4];
-        for (int k = 0; k < 4; ++k) {
-            met[k].rays = 0;
-            nearest[k] = MISS;
-        }
-        for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH) {
-            if ((rays >> first & 255u) == 0)
-                continue;
-            const Float8 scale_x = get(scale[0] + first), scale_y = get(scale[1] + first), scale_z = get(scale[2] + first);
-            const Float8 in_x = get(in[0] + first), in_y = get(in[1] + first), in_z = get(in[2] + first);
-            const Float8 out_x = get(out[0] + first), out_y = get(out[1] + first), out_z = get(out[2] + first);
-            const Float8 begin = get(near + first), end = get(depth + first);
-            const Int8 back_x = scale_x < 0.0f, back_y = scale_y < 0.0f, back_z = scale_z < 0.0f;
-            for (int k = 0; k < 4; ++k) {
-                const Float8 lx = rows[k], ly = rows[4 + k], lz = rows[8 + k];
-                const Float8 ux = rows[12 + k], uy = rows[16 + k], uz = rows[20 + k];
-                const Float8 enter = max(max(fma(back_x ? ux : lx, scale_x, in_x), fma(back_y ? uy : ly, scale_y, in_y)),
-                                         max(fma(back_z ? uz : lz, scale_z, in_z), begin));
-                const Float8 t_far = min(min(fma(back_x ? lx : ux, scale_x, out_x), fma(back_y ? ly : uy, scale_y, out_y)),
-                                         min(fma(back_z ? lz : uz, scale_z, out_z), end));
-                const unsigned some = movemask(enter <= t_far) & rays >> first & 255u;
-                met[k].rays |= some << first;
-                nearest[k] = min(nearest[k], enter <= t_far ? enter : (Float8)MISS);
-                put(met[k].enter + first, enter);
-            }
-        }
-        Int4 keys;
-        for (int k = 0; k < 4; ++k)
-            keys[k] = met[k].rays ? (as_int(reduce_min(nearest[k])) & 0x7ffffffc) | k : -1;
-        keys = sorted4(keys);
-        int count = 0;
-        for (; count < 4 && keys[count] >= 0; ++count) {
-            const int k = keys[count] & 3;
-            to[count] = met[k];
-            to[count].child = as_int(rows[24 + k]);
-        }
-        return count;
-    }
-
-    static Float8 get(const float* from)
-    {
-        Float8 r;
-        __builtin_memcpy(&r, from, sizeof r);
-        return r;
-    }
-
-    // Rays of which a hit is not nearer.
-    unsigned still_meeting(const Pending& one) const
-    {
-        unsigned rays = 0;
-        for (int first = 0; first < WARP_SIZE; first += SIMD_WIDTH)
-            rays |= movemask(get(one.enter + first) < get(depth + first)) << first;
-        return rays & one.rays;
-    }
-
-    // The nearest face of each of these rays, which were put, from the root on: where many rays are at a node they go
-    // together.
-    template <Sides SIDES, bool ANY, class There> void walk_together(unsigned rays, const There& there)
-    {
-        Pending stack[STACK + 1];
-        int height = 1;
-        unsigned waiting = 0;
-        stack[0].child = 0;
-        stack[0].rays = rays;
-        for (int ray = 0; ray < WARP_SIZE; ++ray) {
-            stack[0].enter[ray] = near[ray];
-            face[ray] = -1;
-        }
-        while (height > 0) {
-            const Pending& top = stack[--height];
-            const int node = top.child;
-            unsigned going = still_meeting(top);
-            if (ANY)
-                for (unsigned left = going; left; left &= left - 1)
-                    if (face[ctz(left)] >= 0)
-                        going &= ~(left & -left);
-            if (going == 0)
-                continue;
-            const bool many = __builtin_popcount(going) >= TOGETHER;
-            if (node < 0 && many) {
-                test_leaf_together<SIDES>(going, node, there);
-            } else if (node < 0) {
-                for (unsigned left = going; left; left &= left - 1)
-                    test_leaf<SIDES>(ctz(left), node, there);
-            } else if (many) {
-                height += step_together(top, going, stack + height);
-            } else {
-                if (waiting & going) {
-                    walk<SIDES, ANY>(there);
-                    waiting = 0;
-                    ++height;  // again, as these rays may have found hits
-                    continue;
-                }
-                waiting |= going;
-                for (unsigned left = going; left; left &= left - 1)
-                    start(ctz(left), node);
-            }
-        }
-        walk<SIDES, ANY>(there);
     }
 
     // The nearest face of each ray that was started, nearer than its depth; with ANY, the first one found.
@@ -439,50 +309,6 @@ template <class Meshes> inline const float* node_rows(const Meshes& meshes, int 
 template <class Meshes> inline const float* face_rows(const Meshes& meshes, int mesh)
 {
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
-}
-
-// The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
-// are found together.
-template <class Types, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
-inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Near& near, Rays& rays)
-{
-    const ShapeRecord r = record;
-    const int mesh = r.axis_z.w;
-    const auto low = wp::index(meshes.bounds_min, mesh), high = wp::index(meshes.bounds_max, mesh);
-    const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
-    const auto slabs_of = [&](int lane) {
-        const Ray ray = CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
-        return slabs(ray.origin, ray.direction, r.size.x);
-    };
-    int met[WARP_SIZE], any = 0;
-    for (int lane = 0; lane < WARP_SIZE; ++lane) {
-        const Slabs s = slabs_of(lane);
-        const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
-        const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
-        const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
-        const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near.at(lane)));
-        const float t_far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), rays.depth[lane]));
-        met[lane] = enter <= t_far;
-        any |= met[lane];
-    }
-    if (!any)
-        return;
-    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<Types>(r),
-                 near.at(lane), rays.depth[lane]);
-    unsigned going = 0;
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        going |= (met[lane] ? 1u : 0u) << lane;
-    walk.walk_together<SIDES_OF<Types, false>, ANY>(going, [&](int lane, int face, float t) {
-        return is_there<Types>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
-    });
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        if (met[lane] && walk.face[lane] >= 0) {
-            rays.depth[lane] = walk.depth[lane];
-            rays.shape[lane] = r.axis_y.w;
-            rays.face[lane] = walk.face[lane];
-        }
 }
 
 }  // namespace warpcam
