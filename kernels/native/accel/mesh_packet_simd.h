@@ -150,32 +150,32 @@ template <Sides SIDES, bool ANY, class There> inline void find_faces(MeshRays& a
         store8(all.face + first, (Int8)-1);
         MeshRays::put(stack[0].enter + first, load_float8(all.near + first));
     });
-    unsigned started = 0;  // that go on one by one, side by side, as soon as one of them is to be started again
-    for (int height = 1; height > 0;) {
-        const PendingNode& top = stack[height - 1];
-        const int node = top.child;
-        const unsigned going = still_meeting<ANY>(all, top);
-        const bool many = __builtin_popcount(going) >= RAYS_TOGETHER;
-        if (node >= 0 && !many && (started & going) != 0) {
-            all.walk<SIDES, ANY>(there);
-            started = 0;
-            continue;
-        }
-        --height;
-        if (many && node >= 0)
-            height += step_together(all, node, going, stack + height);
-        else if (many)
-            test_leaf_together<SIDES>(all, going, node, there);
-        else
-            for (unsigned left = going; left; left &= left - 1) {
-                if (node >= 0)
+    int height = 1;
+    do {
+        unsigned started = 0;  // that go on one by one, side by side, once one of them is to be started again
+        while (height > 0) {
+            const PendingNode& top = stack[height - 1];
+            const int node = top.child;
+            const unsigned going = still_meeting<ANY>(all, top);
+            const bool many = __builtin_popcount(going) >= RAYS_TOGETHER;
+            if (node >= 0 && !many && (started & going) != 0)
+                break;
+            --height;
+            if (many && node >= 0) {
+                height += step_together(all, node, going, stack + height);
+            } else if (many) {
+                test_leaf_together<SIDES>(all, going, node, there);
+            } else if (node >= 0) {
+                started |= going;
+                for (unsigned left = going; left; left &= left - 1)
                     all.start(ctz(left), node);
-                else
+            } else {
+                for (unsigned left = going; left; left &= left - 1)
                     all.test_leaf<SIDES>(ctz(left), node, there);
             }
-        started |= node >= 0 && !many ? going : 0u;
-    }
-    all.walk<SIDES, ANY>(there);
+        }
+        all.walk<SIDES, ANY>(there);
+    } while (height > 0);
 }
 
 // The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
