@@ -94,10 +94,11 @@ def plot(rows: Sequence[Row], path: Path) -> None:
     matplotlib.use("agg")
     from matplotlib import pyplot
 
+    told = [name for name in ("task", "worlds", "epochs", "encoder") if len({row[name] for row in rows}) > 1]
     figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), sharey=True)
     for color, group in zip(pyplot.rcParams["axes.prop_cycle"].by_key()["color"], groups(rows), strict=False):
         first = group[0]
-        name = f"{first['renderer']}, {first['worlds']:,} worlds, {first['epochs']} epochs, encoder: {first['encoder']}"
+        name = ", ".join([first["renderer"], *(f"{setting}: {first[setting]}" for setting in told)])
         returns = [
             [np.nan if point["mean_return"] is None else point["mean_return"] for point in row["curve"]]
             for row in group
@@ -109,7 +110,7 @@ def plot(rows: Sequence[Row], path: Path) -> None:
             axis.plot(np.median(places, axis=0), np.median(returns, axis=0), color=color, label=name)
     axes[0].set(xlabel="time [s]", ylabel="mean return of 100 episodes")
     axes[1].set(xlabel="steps [million]")
-    axes[1].legend()
+    axes[1].legend(loc="lower right")
     for axis in axes:
         axis.axhline(0.9 * rows[0]["most"], color="grey", linestyle=":", linewidth=0.8)
     figure.tight_layout()

@@ -69,6 +69,15 @@ struct Corners {
     Float8 x, y, along;
 };
 
+// A corner of a face in the frame of a ray: `frame(k)` are the numbers of MeshRays::frame.
+template <class Frame> inline Corners project(const Frame& frame, Float8 at_x, Float8 at_y, Float8 at_z)
+{
+#pragma clang fp contract(off)
+    const Float8 x = at_x - frame(0), y = at_y - frame(1), z = at_z - frame(2);
+    return { frame(3) * x + (frame(4) * y + frame(5) * z), frame(6) * x + (frame(7) * y + frame(8) * z),
+             frame(9) * x + frame(10) * y + frame(11) * z };
+}
+
 inline Float8 edges(const Corners& a, const Corners& b)
 {
 #pragma clang fp contract(off)
@@ -81,6 +90,32 @@ enum Sides { FRONTS, FRONTS_AND_MARKED, BOTH_SIDES };
 template <class Types, bool ANY> constexpr Sides SIDES_OF = ANY && Types::has(SHADING_BACKS) ? BOTH_SIDES
                                                             : Types::has(TWO_SIDED)          ? FRONTS_AND_MARKED
                                                                                              : FRONTS;
+
+// Eight pairs of a ray and a face: weights of the face's corners where they meet, times their sum.
+struct Weights {
+    Float8 a, b, c, total;
+
+    explicit Weights(const Corners (&corners)[3])
+        : a(edges(corners[1], corners[2])), b(edges(corners[2], corners[0])), c(edges(corners[0], corners[1])),
+          total(a + b + c)
+    {
+    }
+
+    // `both`: faces with a back.
+    template <Sides SIDES> Int8 inside(Int8 both) const
+    {
+        const Float8 none = 0.0f;
+        Int8 inside = (a >= none) & (b >= none) & (c >= none) & (total > none);
+        if constexpr (SIDES != FRONTS)
+            inside |= both & (a <= none) & (b <= none) & (c <= none) & (total < none);
+        return inside;
+    }
+
+    Float8 depth(const Corners (&corners)[3]) const
+    {
+        return (a * corners[0].along + b * corners[1].along + c * corners[2].along) / total;
+    }
+};
 
 // Rays at one mesh, by number.
 struct MeshRays {
@@ -153,12 +188,12 @@ struct MeshRays {
         __builtin_memcpy(to, &values, sizeof values);
     }
 
-    // Makes a ray that was put walk.
-    void start(int ray)
+    // Makes a ray that was put walk, from a node on.
+    void start(int ray, int node)
     {
-        face[ray] = -1;
         height[ray] = 1;
-        child[ray][0] = child[ray][1] = 0;
+        child[ray][0] = 0;
+        child[ray][1] = node;
         entry[ray][0] = -1;  // the bits of no number: not beyond any depth
         walking[num_walking++] = ray;
     }
@@ -183,10 +218,10 @@ struct MeshRays {
         return child[ray][height[ray]];
     }
 
-    // The leaf on top against its ray. there(ray, face, depth): the face is there where it is met.
-    template <Sides SIDES, class There> void test_leaf(int ray, const There& there)
+    // A leaf against a ray. there(ray, face, depth): the face is there where it is met.
+    template <Sides SIDES, class There> void test_leaf(int ray, int leaf, const There& there)
     {
-        const int code = -child[ray][height[ray]] - 1, begin = code >> 4, end = begin + (code & 15);
+        const int code = -leaf - 1, begin = code >> 4, end = begin + (code & 15);
         const auto of_frame = [&](int k) { return (Float8)frame[k][ray]; };
         for (int number = begin; number < end; number += SIMD_WIDTH) {
             const float* rows[SIMD_WIDTH];
@@ -195,24 +230,16 @@ struct MeshRays {
             Corners corners[3];
             Int8 both = -1;
             for (int corner = 0; corner < 3; ++corner) {
-#pragma clang fp contract(off)
                 const Float8x4 at = columns_of(rows, 4 * corner);
-                const Float8 x = at.a - of_frame(0), y = at.b - of_frame(1), z = at.c - of_frame(2);
-                corners[corner] = { of_frame(3) * x + (of_frame(4) * y + of_frame(5) * z),
-                                    of_frame(6) * x + (of_frame(7) * y + of_frame(8) * z),
-                                    of_frame(9) * x + of_frame(10) * y + of_frame(11) * z };
+                corners[corner] = project(of_frame, at.a, at.b, at.c);
                 if (SIDES == FRONTS_AND_MARKED && corner == 1)
                     both = (Int8)at.d != 0;
             }
-            const Float8 wc = edges(corners[0], corners[1]), wa = edges(corners[1], corners[2]);
-            const Float8 wb = edges(corners[2], corners[0]), total = wa + wb + wc;
-            const Float8 none = 0.0f;
-            Int8 inside = (wa >= none) & (wb >= none) & (wc >= none) & (total > none);
-            if constexpr (SIDES != FRONTS)
-                inside |= both & (wa <= none) & (wb <= none) & (wc <= none) & (total < none);
+            const Weights weights(corners);
+            const Int8 inside = weights.inside<SIDES>(both);
             if (!any(inside))
                 continue;
-            const Float8 t = (wa * corners[0].along + wb * corners[1].along + wc * corners[2].along) / total;
+            const Float8 t = weights.depth(corners);
             for (unsigned left = movemask(inside & (t < depth[ray]) & (t > near[ray])); left; left &= left - 1) {
                 const int k = ctz(left), met = min(number + k, end - 1);
                 if (t[k] < depth[ray] && there(ray, met, t[k])) {
@@ -265,7 +292,7 @@ struct MeshRays {
                 num_at_leaf = 0;
                 for (int i = 0; i < count; ++i) {
                     const int ray = at_leaf[i];
-                    test_leaf<SIDES>(ray, there);
+                    test_leaf<SIDES>(ray, child[ray][height[ray]], there);
                     if (!ANY || face[ray] < 0)
                         sort(ray, drop(ray));
                 }
@@ -282,50 +309,6 @@ template <class Meshes> inline const float* node_rows(const Meshes& meshes, int 
 template <class Meshes> inline const float* face_rows(const Meshes& meshes, int mesh)
 {
     return reinterpret_cast<const float*>(meshes.faces.data) + 4 * size_t(wp::index(meshes.face_start, mesh));
-}
-
-// The nearest faces of a mesh for a tile's rays, with ANY the first ones found: those that miss its box, most of them,
-// are found together.
-template <class Types, int LENS, bool ANY = false, class Meshes, class Near, class Rays>
-inline void trace_mesh(const Meshes& meshes, const ShapeRecord& record, const Near& near, Rays& rays)
-{
-    const ShapeRecord r = record;
-    const int mesh = r.axis_z.w;
-    const auto low = wp::index(meshes.bounds_min, mesh), high = wp::index(meshes.bounds_max, mesh);
-    const float lx = low[0], ly = low[1], lz = low[2], ux = high[0], uy = high[1], uz = high[2];
-    const auto slabs_of = [&](int lane) {
-        const Ray ray = CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r);
-        return slabs(ray.origin, ray.direction, r.size.x);
-    };
-    int met[WARP_SIZE], any = 0;
-    for (int lane = 0; lane < WARP_SIZE; ++lane) {
-        const Slabs s = slabs_of(lane);
-        const float x0 = lx * s.scale.x + s.down.x, x1 = ux * s.scale.x + s.up.x;
-        const float y0 = ly * s.scale.y + s.down.y, y1 = uy * s.scale.y + s.up.y;
-        const float z0 = lz * s.scale.z + s.down.z, z1 = uz * s.scale.z + s.up.z;
-        const float enter = max(max(min(x0, x1), min(y0, y1)), max(min(z0, z1), near.at(lane)));
-        const float t_far = min(min(max(x0, x1), max(y0, y1)), min(max(z0, z1), rays.depth[lane]));
-        met[lane] = enter <= t_far;
-        any |= met[lane];
-    }
-    if (!any)
-        return;
-    MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        walk.put(lane, slabs_of(lane), CameraRay<LENS> { rays.x[lane], rays.y[lane] }.template frame<Types>(r),
-                 near.at(lane), rays.depth[lane]);
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        if (met[lane])
-            walk.start(lane);
-    walk.walk<SIDES_OF<Types, false>, ANY>([&](int lane, int face, float t) {
-        return is_there<Types>(meshes, r, CameraRay<LENS> { rays.x[lane], rays.y[lane] }.local(r), face, t);
-    });
-    for (int lane = 0; lane < WARP_SIZE; ++lane)
-        if (met[lane] && walk.face[lane] >= 0) {
-            rays.depth[lane] = walk.depth[lane];
-            rays.shape[lane] = r.axis_y.w;
-            rays.face[lane] = walk.face[lane];
-        }
 }
 
 }  // namespace warpcam

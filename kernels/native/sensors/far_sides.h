@@ -1,5 +1,7 @@
-// Rays that begin within a solid shape meet its far side, as MuJoCo's rays do; cameras see out of shapes.
+// Rays that begin within a solid shape meet its far side, as MuJoCo's rays do; cameras see out of shapes. On CUDA a warp
+// works on a run of rays: its lanes look at a shape each, and then at a ray each of those that may begin in a shape.
 #pragma once
+#include "core/warp.h"
 #include "geometry/intersect_exit.h"
 #include "geometry/shape_state.h"
 
@@ -89,58 +91,107 @@ struct RaysOfTable {
     WARPCAM_DEVICE int pixel(int ray) const { return ray; }
 };
 
-// Put exits up to a distance in place of what some rays of a world meet behind them.
-template <class Shapes, class Materials, class Rays, class Traced>
-WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials, const Rays& rays, const Traced& traced,
-                               float farthest, int world, int first, int end)
-{
-    const Vec3 middle = rays.start((first + end) / 2);
-    float reach = 0.0f;
-    for (int ray = first; ray < end; ++ray) {
-        const Vec3 off = rays.start(ray) - middle;
-        reach = max(reach, dot(off, off));
-    }
-    reach = sqrt(reach);
-    for (int k = 0; k < shapes.drawn.shape[0]; ++k) {
-        const int id = wp::index(shapes.drawn, k);
-        const Vec3 off = as_vec3(wp::index(shapes.positions, world, id)) - middle;
-        const Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
-        const float near = reach + abs(size.x) + abs(size.y) + abs(size.z);  // no shape with an exit is wider
-        if (!(dot(off, off) <= near * near))
-            continue;
-        const SolidShape solid = load_solid(shapes, world, id);
-        const float radius = reach + sqrt(dot(solid.half, solid.half));
-        if (solid.half.x < 0.0f || dot(off, off) > radius * radius || transparent(shapes, materials, world, id))
-            continue;
-        for (int ray = first; ray < end; ++ray) {
-            const int pixel = rays.pixel(ray);
-            float& distance = *wp::address(traced.distance, world, pixel);
-            const ExitHit exit = exit_of(solid, rays.start(ray), [&] { return rays.direction(ray); });
-            if (!(exit.distance < min(distance, MISS)) || exit.distance > farthest)
-                continue;
-            distance = exit.distance;
-            if (traced.shapes.shape[0] > 0)
-                *wp::address(traced.shapes, world, pixel) =
-                    shapes.ids.shape[0] > 0 ? wp::index(shapes.ids, world, id) : id;
-            if (traced.bodies.shape[0] > 0)
-                *wp::address(traced.bodies, world, pixel) =
-                    shapes.body_ids.shape[0] > 0 ? wp::index(shapes.body_ids, world, id) : wp::index(shapes.bodies, id);
-            if (traced.normals.shape[0] > 0)
-                for (int c = 0; c < 3; ++c)
-                    *wp::address(traced.normals, world, pixel, c) = component(exit.normal, c);
-        }
-    }
-}
+#if defined(__CUDA_ARCH__)
+constexpr int EXIT_LANES = WARP_SIZE;
+#else
+constexpr int EXIT_LANES = 1;
+#endif
 
-// Runs of so many rays in the order of worlds; a thread for each.
+// Runs of so many rays in the order of worlds; so many lanes for each.
 struct ExitRun {
-    int world, first, end;
+    int world, first, end, lane;
 };
 
 WARPCAM_DEVICE ExitRun exit_run(int count, int length, int index)
 {
-    const int runs = (count + length - 1) / length, first = index % runs * length;
-    return { index / runs, first, min(first + length, count) };
+    const int runs = (count + length - 1) / length, number = index / EXIT_LANES, first = number % runs * length;
+    return { number / runs, first, min(first + length, count), index % EXIT_LANES };
+}
+
+// A bit for each lane whose `mine` is true.
+WARPCAM_DEVICE unsigned lanes_of(bool mine)
+{
+#if defined(__CUDA_ARCH__)
+    return __ballot_sync(FULL_WARP, mine);
+#else
+    return mine;
+#endif
+}
+
+// A ball about the starts of a run's rays.
+struct StartBall {
+    Vec3 middle;
+    float radius;
+};
+
+template <class Rays> WARPCAM_DEVICE StartBall ball_of(const Rays& rays, ExitRun run)
+{
+    const Vec3 middle = rays.start((run.first + run.end) / 2);
+    float reach = 0.0f;
+    for (int ray = run.first + run.lane; ray < run.end; ray += EXIT_LANES) {
+        const Vec3 off = rays.start(ray) - middle;
+        reach = max(reach, dot(off, off));
+    }
+#if defined(__CUDA_ARCH__)
+    for (int step = WARP_SIZE / 2; step > 0; step /= 2)
+        reach = max(reach, __shfl_xor_sync(FULL_WARP, reach, step));
+#endif
+    return { middle, sqrt(reach) };
+}
+
+template <class Shapes> WARPCAM_DEVICE bool may_hold(const Shapes& shapes, int world, int id, StartBall starts)
+{
+    const Vec3 off = as_vec3(wp::index(shapes.positions, world, id)) - starts.middle;
+    const Vec3 size = as_vec3(per_world(shapes.sizes, world, id));
+    const float near = starts.radius + abs(size.x) + abs(size.y) + abs(size.z);  // no shape with an exit is wider
+    return dot(off, off) <= near * near;
+}
+
+// Puts exits from one shape, up to a distance, in place of what a run's rays meet behind them.
+template <class Shapes, class Rays, class Traced>
+WARPCAM_DEVICE void leave_shape(const Shapes& shapes, const SolidShape& solid, int id, const Rays& rays,
+                                const Traced& traced, float farthest, ExitRun run)
+{
+    for (int ray = run.first + run.lane; ray < run.end; ray += EXIT_LANES) {
+        const int pixel = rays.pixel(ray);
+        float& distance = *wp::address(traced.distance, run.world, pixel);
+        const ExitHit exit = exit_of(solid, rays.start(ray), [&] { return rays.direction(ray); });
+        if (!(exit.distance < min(distance, MISS)) || exit.distance > farthest)
+            continue;
+        distance = exit.distance;
+        if (traced.shapes.shape[0] > 0)
+            *wp::address(traced.shapes, run.world, pixel) =
+                shapes.ids.shape[0] > 0 ? wp::index(shapes.ids, run.world, id) : id;
+        if (traced.bodies.shape[0] > 0)
+            *wp::address(traced.bodies, run.world, pixel) =
+                shapes.body_ids.shape[0] > 0 ? wp::index(shapes.body_ids, run.world, id) : wp::index(shapes.bodies, id);
+        if (traced.normals.shape[0] > 0)
+            for (int c = 0; c < 3; ++c)
+                *wp::address(traced.normals, run.world, pixel, c) = component(exit.normal, c);
+    }
+}
+
+// Puts exits from all shapes in place likewise.
+template <class Shapes, class Materials, class Rays, class Traced>
+WARPCAM_DEVICE void find_exits(const Shapes& shapes, const Materials& materials, const Rays& rays, const Traced& traced,
+                               float farthest, ExitRun run)
+{
+    const StartBall starts = ball_of(rays, run);
+    const int count = shapes.drawn.shape[0], world = run.world;
+    for (int begin = 0; begin < count; begin += EXIT_LANES) {
+        const int mine = begin + run.lane;
+        bool holds = mine < count;
+        if (holds)
+            holds = may_hold(shapes, world, wp::index(shapes.drawn, mine), starts);
+        for (unsigned left = lanes_of(holds); left; left &= left - 1) {
+            const int id = wp::index(shapes.drawn, begin + ctz(left));
+            const SolidShape solid = load_solid(shapes, world, id);
+            const Vec3 off = solid.shape.position - starts.middle;
+            const float radius = starts.radius + sqrt(dot(solid.half, solid.half));
+            if (solid.half.x >= 0.0f && dot(off, off) <= radius * radius && !transparent(shapes, materials, world, id))
+                leave_shape(shapes, solid, id, rays, traced, farthest, run);
+        }
+    }
 }
 
 template <class Mask, class Ranges, class Shapes, class Materials, class Rays, class Poses, class Traced>
@@ -151,7 +202,7 @@ WARPCAM_DEVICE void meet_far_sides(const Mask& mask, const Ranges& max_range, co
     const ExitRun run = exit_run(rays.rows * rays.columns, length, index);
     if (wp::index(mask, run.world))
         find_exits(shapes, materials, RaysOfLidar<Rays, Poses> { rays, poses, run.world }, traced,
-                   wp::index(max_range, run.world), run.world, run.first, run.end);
+                   wp::index(max_range, run.world), run);
 }
 
 // `first_row`: floats of the table before those of pixels.
@@ -161,7 +212,7 @@ WARPCAM_DEVICE void meet_far_sides_of_table(const Shapes& shapes, const Material
 {
     const ExitRun run = exit_run(count, length, index);
     const RaysOfTable rays { wp::address(table, run.world, first_row) };
-    find_exits(shapes, materials, rays, traced, MISS, run.world, run.first, run.end);
+    find_exits(shapes, materials, rays, traced, MISS, run);
 }
 
 }  // namespace warpcam

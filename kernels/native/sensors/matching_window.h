@@ -8,9 +8,6 @@ namespace warpcam {
 constexpr int MATCH_SIDE = 32;  // pixels of a tile across and down
 constexpr int MATCH_RUN = 4;  // neighbours whose windows are summed together
 constexpr int MATCH_RUNS = MATCH_SIDE / MATCH_RUN;
-constexpr int MOST_RADIUS = 15;  // of a window, as in warpcam/sensors/kernels/matching_window.py
-constexpr int MATCH_REACH = MATCH_SIDE + 2 * MOST_RADIUS;  // pixels that a tile's windows have at most across and down
-constexpr int MATCH_PITCH = MATCH_REACH + 1;  // odd: a warp's runs are in banks of their own
 constexpr float WINDOW_GROWTH = 1.44f;  // tolerance of a neighbour at r pixels, in units of r^2 times the pixel's own
 constexpr float UNMATCHED = -1.0f;  // disparity of what is no measurement: as bits more than all others
 
@@ -61,9 +58,12 @@ template <class At> WARPCAM_DEVICE void sum_run(const At& at, int radius, Dispar
 
 // Disparities of a tile and of what is around it as far as windows reach. Of its columns, sums of the windows' rows, and
 // then of its pixels, sums of the windows.
-struct MatchTile {
-    float at[MATCH_REACH][MATCH_PITCH];
-    DisparitySum rows[MATCH_REACH][MATCH_SIDE];
+template <int MOST_RADIUS> struct MatchTile {
+    static constexpr int REACH = MATCH_SIDE + 2 * MOST_RADIUS;  // pixels that windows have at most across and down
+    static constexpr int PITCH = REACH + 1;  // odd: a warp's runs are in banks of their own
+
+    float at[REACH][PITCH];
+    DisparitySum rows[REACH][MATCH_SIDE];
 
     // Places of a row are exchanged within a run, so that stores of runs side by side are in banks of their own.
     WARPCAM_DEVICE DisparitySum& row(int y, int x) { return rows[y][(x & ~3) | ((x + (x >> 3)) & 3)]; }
@@ -77,8 +77,9 @@ struct WindowRule {
     int radius;  // [pixels]
 };
 
-template <class Depths> WARPCAM_DEVICE void load_disparities(MatchTile& tile, const Depths* image, int width,
-                                                             int height, int left, int top, WindowRule rule, int thread)
+template <class Tile, class Depths> WARPCAM_DEVICE void load_disparities(Tile& tile, const Depths* image, int width,
+                                                                         int height, int left, int top, WindowRule rule,
+                                                                         int thread)
 {
     constexpr int LANES = min(THREADS, WARP_SIZE);
     const int radius = rule.radius;
@@ -96,7 +97,7 @@ template <class Depths> WARPCAM_DEVICE void load_disparities(MatchTile& tile, co
     }
 }
 
-WARPCAM_DEVICE void sum_rows(MatchTile& tile, int radius, int thread)
+template <class Tile> WARPCAM_DEVICE void sum_rows(Tile& tile, int radius, int thread)
 {
     for (int place = thread; place < (MATCH_SIDE + 2 * radius) * MATCH_RUNS; place += THREADS) {
         const int x = place % MATCH_RUNS * MATCH_RUN, y = place / MATCH_RUNS;
@@ -109,7 +110,7 @@ WARPCAM_DEVICE void sum_rows(MatchTile& tile, int radius, int thread)
 }
 
 // Sums of the windows of a tile's pixels, from those of rows.
-WARPCAM_DEVICE void sum_windows(MatchTile& tile, int radius, int thread)
+template <class Tile> WARPCAM_DEVICE void sum_windows(Tile& tile, int radius, int thread)
 {
     constexpr int PIECES = MATCH_SIDE * MATCH_RUNS / THREADS;
     static_assert(PIECES * THREADS == MATCH_SIDE * MATCH_RUNS, "a block has all pieces of columns at once");
@@ -142,65 +143,46 @@ WARPCAM_DEVICE bool is_stray(float disparity, float mean, float growth, int acro
     return disparity >= 0.0f && !(abs(disparity - mean) < growth * float(across * across + down * down));
 }
 
-// Number of strays in a ring: of the pixels RING across or down from the middle of a window, and not more the other way.
-template <int RING> WARPCAM_DEVICE int ring_strays(const float (*middle)[MATCH_PITCH], float mean, float growth)
+// Number of strays in a ring: of the pixels so far across or down from the middle of a window, and not more the other way.
+template <int PITCH> WARPCAM_DEVICE int ring_strays(const float* middle, int ring, float mean, float growth)
 {
     int count = 0;
 #pragma unroll
-    for (int k = -RING; k < RING; ++k) {
-        count += is_stray(middle[-RING][k], mean, growth, RING, k);
-        count += is_stray(middle[RING][-k], mean, growth, RING, k);
-        count += is_stray(middle[-k][-RING], mean, growth, RING, k);
-        count += is_stray(middle[k][RING], mean, growth, RING, k);
+    for (int k = -ring; k < ring; ++k) {
+        count += is_stray(middle[k - ring * PITCH], mean, growth, ring, k);
+        count += is_stray(middle[ring * PITCH - k], mean, growth, ring, k);
+        count += is_stray(middle[-k * PITCH - ring], mean, growth, ring, k);
+        count += is_stray(middle[k * PITCH + ring], mean, growth, ring, k);
     }
     return count;
 }
 
 // Number of strays in rings up to the reach. Those of a default window are written out.
-WARPCAM_DEVICE int count_strays(const float (*middle)[MATCH_PITCH], int reach, float mean, float growth)
+template <int PITCH> WARPCAM_DEVICE int count_strays(const float* middle, int reach, float mean, float growth)
 {
     int count = 0;
     if (reach >= 1)
-        count += ring_strays<1>(middle, mean, growth);
+        count += ring_strays<PITCH>(middle, 1, mean, growth);
     if (reach >= 2)
-        count += ring_strays<2>(middle, mean, growth);
+        count += ring_strays<PITCH>(middle, 2, mean, growth);
     if (reach >= 3)
-        count += ring_strays<3>(middle, mean, growth);
+        count += ring_strays<PITCH>(middle, 3, mean, growth);
     if (reach >= 4)
-        count += ring_strays<4>(middle, mean, growth);
-    for (int ring = 5; ring <= reach; ++ring) {
-        for (int k = -ring; k < ring; ++k) {
-            count += is_stray(middle[-ring][k], mean, growth, ring, k);
-            count += is_stray(middle[ring][-k], mean, growth, ring, k);
-            count += is_stray(middle[-k][-ring], mean, growth, ring, k);
-            count += is_stray(middle[k][ring], mean, growth, ring, k);
-        }
-    }
+        count += ring_strays<PITCH>(middle, 4, mean, growth);
+    for (int ring = 5; ring <= reach; ++ring)
+        count += ring_strays<PITCH>(middle, ring, mean, growth);
     return count;
 }
 
-// Sets pixels to 0 of whose window too small a share counts.
+// Sets pixels of a tile to 0 of whose window too small a share counts.
 //
 // A neighbour at r pixels counts if its disparity differs from the mean of the window by less than WINDOW_GROWTH r^2
 // tolerance, the pixel itself by less than the tolerance. Pixels are tried out to where the extremes of the window show
 // that all farther ones count: none on most flat surfaces.
-template <class Mask, class Rule, class Images>
-WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, const Rule& given, const Images& source,
-                                 const Images& target, int index)
+template <class Tile, class Depths> WARPCAM_DEVICE void keep_tile(Tile& tile, const Depths* image, Depths* out,
+                                                                  int width, int height, int left, int top,
+                                                                  WindowRule rule, int thread)
 {
-    const int across = (width + MATCH_SIDE - 1) / MATCH_SIDE, down = (height + MATCH_SIDE - 1) / MATCH_SIDE;
-    const int block = index / THREADS, thread = index - block * THREADS, line = block / across, world = line / down;
-    if (!mask.data[world])
-        return;
-    const int left = MATCH_SIDE * (block - line * across), top = MATCH_SIDE * (line - world * down);
-    const float focal = given.focal.data[world];
-    const float pixels = focal <= 0.0f ? 1.0f / given.views.data[world].scale[0] : focal;
-    const WindowRule rule = { pixels * given.baseline.data[world], given.tolerance.data[world], given.share.data[world],
-                              given.radius };
-    const size_t start = size_t(world) * width * height;
-    const float* image = source.data + start;
-    float* out = target.data + start;
-    WARPCAM_SHARED MatchTile tile;
     load_disparities(tile, image, width, height, left, top, rule, thread);
     block_sync();
     sum_rows(tile, rule.radius, thread);
@@ -220,17 +202,39 @@ WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, const 
             const float mean = quotient(sum.total, sum.count, rcp(sum.count));
             const float farthest = max(sum.greatest - mean, mean - as_float(int(sum.least)));
             const int reach = window_reach(farthest, growth, radius);
-            const auto* middle = reinterpret_cast<const float (*)[MATCH_PITCH]>(&tile.at[y + radius][x + radius]);
+            const float* middle = &tile.at[y + radius][x + radius];
             int alike = int(sum.count) - !(abs(disparity - mean) < rule.tolerance);
-            alike -= count_strays(middle, reach, mean, growth);
+            alike -= count_strays<Tile::PITCH>(middle, reach, mean, growth);
             const int columns = min(column + radius + 1, width) - max(column - radius, 0);
             const int lines = min(row + radius + 1, height) - max(row - radius, 0);
-            if (!(float(alike) >= rule.share * float(lines * columns)))
+            if (float(alike) < rule.share * float(lines * columns))
                 depth = 0.0f;
-        } else if (disparity != UNMATCHED) {
-            depth = 0.0f;  // of a rule that is NaN
         }
         out[row * width + column] = depth;
+    }
+}
+
+// Keeps the matches of so many tiles of an image, one after another.
+template <int MOST_RADIUS, class Mask, class Rule, class Images>
+WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, int run, const Rule& given,
+                                 const Images& source, const Images& target, int index)
+{
+    const int across = (width + MATCH_SIDE - 1) / MATCH_SIDE, tiles = across * ((height + MATCH_SIDE - 1) / MATCH_SIDE);
+    const int blocks = (tiles + run - 1) / run, block = index / THREADS, thread = index - block * THREADS;
+    const int world = block / blocks, first = (block - world * blocks) * run;
+    if (!mask.data[world])
+        return;
+    const float focal = given.focal.data[world];
+    const float pixels = focal > 0.0f ? focal : 1.0f / given.views.data[world].scale[0];
+    const WindowRule rule = { pixels * given.baseline.data[world], given.tolerance.data[world], given.share.data[world],
+                              given.radius };
+    const size_t start = size_t(world) * width * height;
+    WARPCAM_SHARED MatchTile<MOST_RADIUS> tile;
+    for (int number = first; number < min(first + run, tiles); ++number) {
+        const int line = number / across;
+        keep_tile(tile, source.data + start, target.data + start, width, height, MATCH_SIDE * (number - line * across),
+                  MATCH_SIDE * line, rule, thread);
+        block_sync();
     }
 }
 

@@ -147,9 +147,8 @@ inline void walk_mesh(const Meshes& meshes, const ShapeRecord& record, const Ray
     const int mesh = record.axis_z.w;
     MeshRays walk(node_rows(meshes, mesh), face_rows(meshes, mesh));
     walk.put(0, slabs(ray.origin, ray.direction, record.size.x), source.template frame<Types>(record), near, hit.depth);
-    walk.start(0);
-    walk.template walk<SIDES_OF<Types, false>, false>(
-        [&](int, int face, float t) { return is_not_cut<Types>(meshes, record, ray, face, t); });
+    find_faces<SIDES_OF<Types, false>, false>(
+        walk, 1u, [&](int, int face, float t) { return is_not_cut<Types>(meshes, record, ray, face, t); });
     if (walk.face[0] >= 0)
         hit = { walk.depth[0], record.axis_y.w, walk.face[0] };
 }

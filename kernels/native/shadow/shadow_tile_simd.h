@@ -119,9 +119,7 @@ inline void shade_points_by_meshes(const List& list, const ReceiverView<LENS>& v
                 put_rays<Types>(walk, row * SIMD_WIDTH, record, points.at[row], rays_to(light, points.at[row]), near,
                                 points.reach[row]);
             }
-            for (unsigned some = walks; some; some &= some - 1)
-                walk.start(ctz(some));
-            walk.template walk<SIDES_OF<Types, true>, true>([&](int lane, int face, float t) {
+            find_faces<SIDES_OF<Types, true>, true>(walk, walks, [&](int lane, int face, float t) {
                 const Vec3 p = points.point(lane);
                 return is_there<Types>(meshes, record, WorldRay { p, ray_to(light, p) }.local(record), face, t);
             });

@@ -5,7 +5,7 @@
 #include "geometry/intersect.h"
 #include "camera/tile_frustum.h"
 #if !defined(__CUDA_ARCH__)
-#include "accel/bvh4_simd.h"
+#include "accel/mesh_packet_simd.h"
 #include "accel/heightfield_simd.h"
 #endif
 

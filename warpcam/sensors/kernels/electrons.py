@@ -68,7 +68,7 @@ for (int step = 1; step < 20; ++step) {
         power[k] *= means[k];
         passed[k] += power[k] * share;
     }
-    if (!is_more)
+    if (step > 3 && step % 2 == 0 && !is_more)
         break;
 }
 return wp::vec3(count[0], count[1], count[2]);

@@ -12,10 +12,10 @@ from warpcam.sensors.kernels.scan_measurement import TracedScan
 from warpcam.sensors.kernels.scan_poses import ScanPoses
 from warpcam.sensors.kernels.scan_rays import ScanRays
 
-# Rays of a thread, which looks at all shapes one after another: of rays that begin in one place, and of others, of
-# which more have more shapes around them. A GPU would have too few threads with as many rays as a CPU.
-RUN, RUN_WITH_ORIGINS = 256, 32
-CPU_RUN, CPU_RUN_WITH_ORIGINS = 1024, 256
+# Rays of a run, for which all shapes are looked at once: of rays that begin in one place, and of others, of which more
+# have more shapes around them.
+RUN, RUN_WITH_ORIGINS = 1024, 256
+LANES = 32  # threads of CUDA that work on a run
 
 meet_far_sides = make_kernel(
     "meet_far_sides",
@@ -62,10 +62,10 @@ def bind_far_sides(
     device: wp.Device,
 ) -> Stage:
     """The stage that puts far sides in place of what ``traced`` has behind them."""
-    length = _length(rays.origins is not None and rays.origins.shape[0] > 0, device)
+    length = RUN_WITH_ORIGINS if rays.origins is not None and rays.origins.shape[0] > 0 else RUN
     runs = -(-rays.rows * rays.columns // length)
     inputs = [mask, max_range, shapes, materials, rays, poses, traced, length]
-    return bind_launch(meet_far_sides, num_worlds * runs, inputs, device)
+    return bind_launch(meet_far_sides, num_worlds * runs * _lanes(device), inputs, device)
 
 
 def bind_table_far_sides(
@@ -82,13 +82,10 @@ def bind_table_far_sides(
         count: Rays of each world.
         device: Where it is launched.
     """
-    length = _length(True, device)
-    inputs = [shapes, materials, table, first_row, count, traced, length]
-    return bind_launch(meet_far_sides_of_table, table.shape[0] * -(-count // length), inputs, device)
+    inputs = [shapes, materials, table, first_row, count, traced, RUN_WITH_ORIGINS]
+    runs = table.shape[0] * -(-count // RUN_WITH_ORIGINS)
+    return bind_launch(meet_far_sides_of_table, runs * _lanes(device), inputs, device)
 
 
-def _length(has_origins: bool, device: wp.Device) -> int:
-    """Rays of a thread."""
-    if device.is_cuda:
-        return RUN_WITH_ORIGINS if has_origins else RUN
-    return CPU_RUN_WITH_ORIGINS if has_origins else CPU_RUN
+def _lanes(device: wp.Device) -> int:
+    return LANES if device.is_cuda else 1

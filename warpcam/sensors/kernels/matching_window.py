@@ -11,7 +11,10 @@ from warpcam.kernels.types import View
 
 SIDE = 32  # pixels across and down of a tile, which a block of CUDA or a thread of a CPU works on
 THREADS = 256  # of such a block
-MAX_RADIUS = 15  # of a window [pixels]
+BLOCKS = 5  # that a multiprocessor is to hold
+RADII = (7, 15)  # greatest of the windows [pixels] that a kernel has room for
+MAX_RADIUS = RADII[-1]
+BUSY_BLOCKS = 4096  # that keep a GPU busy; blocks take several tiles where there are more
 
 
 @wp.struct
@@ -26,24 +29,33 @@ class MatchingRule:
     radius: wp.int32  # [pixels]
 
 
-keep_matches = make_kernel(
-    "keep_matches",
-    "warpcam::keep_matches(mask, width, height, rule, source, target, index);",
-    {
-        "mask": wp.array(dtype=wp.uint8),
-        "width": wp.int32,
-        "height": wp.int32,
-        "rule": MatchingRule,
-        "source": wp.array2d(dtype=wp.float32),
-        "target": wp.array2d(dtype=wp.float32),
-    },
-    native_module("sensors/matching_window.h", THREADS),
-)
+def _keeper(most: int) -> wp.Kernel:
+    """The kernel for windows of at most that radius."""
+    return make_kernel(
+        f"keep_matches_{most}",
+        f"warpcam::keep_matches<{most}>(mask, width, height, run, rule, source, target, index);",
+        {
+            "mask": wp.array(dtype=wp.uint8),
+            "width": wp.int32,
+            "height": wp.int32,
+            "run": wp.int32,
+            "rule": MatchingRule,
+            "source": wp.array2d(dtype=wp.float32),
+            "target": wp.array2d(dtype=wp.float32),
+        },
+        native_module("sensors/matching_window.h", THREADS),
+        launch_bounds=(THREADS, BLOCKS),
+    )
+
+
+keep_matches = {most: _keeper(most) for most in RADII}
 
 
 def bind_matches(width: int, height: int, mask: wp.array, rule: Any, source: wp.array, target: wp.array) -> Stage:
-    """Bind ``keep_matches`` for images (world, pixel) of that many pixels across and down."""
-    tiles = len(mask) * -(-width // SIDE) * -(-height // SIDE)
-    threads = THREADS if mask.device.is_cuda else 1
-    inputs = [mask, width, height, rule, source, target]
-    return bind_launch(keep_matches, tiles * threads, inputs, mask.device, block_dim=THREADS)
+    """Bind the kernel that keeps matches in images (world, pixel) of that many pixels across and down."""
+    tiles, worlds = -(-width // SIDE) * -(-height // SIDE), len(mask)
+    run = min(max(worlds * tiles // BUSY_BLOCKS, 1), tiles) if mask.device.is_cuda else 1
+    blocks, threads = worlds * -(-tiles // run), THREADS if mask.device.is_cuda else 1
+    kernel = keep_matches[next(most for most in RADII if most >= rule.radius)]
+    inputs = [mask, width, height, run, rule, source, target]
+    return bind_launch(kernel, blocks * threads, inputs, mask.device, block_dim=THREADS)
