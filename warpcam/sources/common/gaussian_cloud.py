@@ -7,6 +7,7 @@ import numpy as np
 
 from warpcam.accel.gaussians import GaussianCloud
 from warpcam.core.color import encoded_beyond
+from warpcam.core.errors import WarpcamError
 from warpcam.core.rotations import rotation_matrices, rotation_quaternions
 from warpcam.kernels.types import SPLATS
 from warpcam.sources.common.geometry import SAME, RenderShape, polar
@@ -50,13 +51,20 @@ def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
     """The cloud in the vertices of a PLY file, as training of splats writes it; None if it is none.
 
     They are a structured array, or columns by name where the file is text. Scales are logarithms and opacities logits.
+
+    Raises:
+        WarpcamError: A column of the cloud has something else than one number for each vertex.
     """
     names = vertices if isinstance(vertices, dict) else getattr(vertices, "dtype", np.dtype(float)).names or ()
     if not all(field in names for field in (*PLY_FIELDS, "f_dc_0", "f_dc_1", "f_dc_2")):
         return None
 
     def columns(*fields: str) -> np.ndarray:
-        return np.stack([np.asarray(vertices[field], np.float64).reshape(-1) for field in fields], axis=1)
+        try:
+            return np.stack([np.asarray(vertices[field], np.float64).reshape(-1) for field in fields], axis=1)
+        except (TypeError, ValueError):
+            listed = ", ".join(fields)
+            raise WarpcamError(f"{name}: {listed} of its splats must be one number for each vertex") from None
 
     with np.errstate(over="ignore"):
         return GaussianCloud(

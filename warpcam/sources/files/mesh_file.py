@@ -194,6 +194,8 @@ class _Reader:
         if len(faces) == 0:
             self._collector.warn("is a mesh without faces", name)
             return None
+        if vertices.shape[1:] != (3,):
+            raise WarpcamError(f"mesh '{name}': vertices must have three coordinates, got {vertices.shape[1:]}")
         if faces.min() < 0 or faces.max() >= len(vertices):
             raise WarpcamError(
                 f"mesh '{name}': faces must be indices from 0 to {len(vertices) - 1}, got "

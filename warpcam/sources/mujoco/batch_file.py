@@ -53,7 +53,7 @@ def put(host: Any, state: Any, *, num_worlds: int, device: wp.Device, path: Path
     try:
         with wp.ScopedDevice(device):
             batch = MujocoBatch(host, mjw.put_model(host), mjw.put_data(host, state, nworld=num_worlds))
-    except NotImplementedError as error:
+    except (NotImplementedError, np.linalg.LinAlgError) as error:
         raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
     forward(batch)
     return batch

@@ -21,7 +21,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.robots import meshes
 from warpcam.sources.robots.looks import UrdfLook, look_of, looks_of
-from warpcam.sources.robots.packages import check_packages, find_files
+from warpcam.sources.robots.packages import check_packages, find_files, is_file
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 GREY = (0.5, 0.5, 0.5, 1.0)  # of a mesh that says nothing of its colour
@@ -190,7 +190,7 @@ class _Writer:
         element.extend(copy.deepcopy(child) for child in visual if child.tag == "origin")
         file = self._file(part, turned)
         ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), "mesh", filename=file)
-        textured = bool(look.texture) and Path(look.texture).is_file() and part.uvs is not None
+        textured = bool(look.texture) and is_file(Path(look.texture)) and part.uvs is not None
         rgba = look.rgba or ((1.0,) * 4 if textured else part.rgba) or GREY
         material = ElementTree.SubElement(element, "material")
         ElementTree.SubElement(material, "color", rgba=" ".join(map(repr, map(float, rgba))))

@@ -14,6 +14,7 @@ from warpcam.sources.common.materials import color_of
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.robots.packages import is_file
 
 FORMATS = (*sorted(MESHES), *USD)
 LEAST_AREA = 1e-14  # [m^2]
@@ -52,7 +53,7 @@ def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) 
     """
     if path.suffix.lower() not in FORMATS:
         raise WarpcamError(f"{path}: is no file of meshes that can be read; known are {', '.join(FORMATS)}")
-    if not path.is_file():
+    if not is_file(path):
         raise WarpcamError(f"{path}: there is no such file")
     if path.suffix.lower() in USD:
         graph: SceneGraph = import_source("usd.source", "usd").read_file(path, collector)

@@ -52,13 +52,21 @@ def find_files(
                 named.set("filename", _found(name, (here / folder, here), packages or {}))
 
 
+def is_file(path: Path) -> bool:
+    """Return True if there is such a file; a name that the system does not take is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
 def _found(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> str:
     """The first place of a file where there is one, or else the first of all."""
     name = FIND.sub(r"package://\1", name.strip(), count=1)
     first: Path | None = None
     for place in _places(name, folders, packages):
         first = first or place
-        if place.is_file():
+        if is_file(place):
             return str(place)
     return str(first or name)
 

@@ -41,7 +41,10 @@ def opened(path_or_stage: Any) -> tuple[Usd.Stage, str]:
 
 def short(error: Exception) -> str:
     """Return the words of USD's error that matter to a reader."""
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())
+    except UnicodeDecodeError:  # the error has bytes of the file
+        return "its text is not UTF-8"
     found = WORDS.search(text)
     return (found[1] if found else text)[:500].strip()
 
@@ -66,8 +69,11 @@ def _fault(path: Path) -> str:
     if kind == "package":
         if not zipfile.is_zipfile(path):
             return "the package is truncated or damaged; write or download it again"
-        with zipfile.ZipFile(path) as package:
-            first = next(iter(package.namelist()), "")
+        try:
+            with zipfile.ZipFile(path) as package:
+                first = next(iter(package.namelist()), "")
+        except (zipfile.BadZipFile, NotImplementedError, ValueError):
+            return "the package's table of files is damaged; write or download it again"
         if Path(first).suffix.lower() not in (".usd", ".usda", ".usdc"):
             return f"the package has no stage: its first file must be .usd, .usda or .usdc, and is {first!r}"
     return ""
