@@ -353,7 +353,14 @@ def _reach(polynomial: np.ndarray, value: float) -> float:
 
 
 def _first_root(polynomial: np.ndarray) -> float:
-    """The first positive root of a polynomial, or infinity."""
-    roots = np.roots(polynomial[::-1])
+    """The first positive root of a polynomial, or infinity.
+
+    Raises:
+        WarpcamError: The coefficients overflow.
+    """
+    try:
+        roots = np.roots(polynomial[::-1])
+    except np.linalg.LinAlgError:
+        raise WarpcamError(f"the coefficients of a lens are too large or too small: {polynomial.tolist()}") from None
     real = roots.real[(np.abs(roots.imag) <= 1e-9 * np.abs(roots)) & (roots.real > 0.0)]
     return float(real.min()) if len(real) else math.inf

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import warpcam as wc
@@ -56,3 +57,30 @@ def test_a_package_with_a_damaged_table(tmp_path: Path) -> None:
     (tmp_path / "b.usdz").write_bytes(data.replace(b"PK\x01\x02", b"PK\x01\x03").replace(b"#usda", b"#usdx"))
     with pytest.raises(wc.WarpcamError, match=r"b\.usdz: USD cannot open it"):
         wc.load(tmp_path / "b.usdz", device="cpu")
+
+
+def test_a_device_as_a_library_of_materials(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    path = tmp_path / "a.obj"
+    path.write_text("mtllib /dev/zero\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert wc.load(path, device="cpu").num_worlds == 1
+
+
+def test_coefficients_that_overflow(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    path = tmp_path / "a.yaml"
+    path.write_text(
+        "cam0:\n  camera_model: pinhole\n  distortion_model: equidistant\n  intrinsics: [190, 190, 254, 256]\n"
+        "  distortion_coeffs: [1.0e+308, 1.0e+308, 1.0e+308, 1.0e+308]\n  resolution: [512, 510]\n"
+    )
+    with pytest.raises(wc.WarpcamError, match="too large"):
+        wc.read_calibration(path)
+
+
+def test_colors_that_are_lists(tmp_path: Path) -> None:
+    pytest.importorskip("trimesh")
+    from warpcam.sources.common.images import ply_colors
+
+    rows = {"red": np.array([[], [1]], object), "green": np.zeros(2), "blue": np.zeros(2)}
+    with pytest.raises(wc.WarpcamError, match="must be one number in each row"):
+        ply_colors(rows, 2)

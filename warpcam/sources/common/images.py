@@ -87,7 +87,10 @@ def ply_colors(rows: Any, count: int) -> np.ndarray | None:
     for keys in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")):
         if all(key in names for key in keys):
             found = (*keys, *(key for key in ("alpha", "a") if key in names))[:4]
-            columns = [_byte(np.asarray(rows[key]).reshape(-1)) for key in found]
+            try:
+                columns = [_byte(np.asarray(rows[key]).reshape(-1)) for key in found]
+            except (TypeError, ValueError):
+                raise WarpcamError(f"{', '.join(found)} of a PLY file must be one number in each row") from None
             return np.stack(columns, axis=1) if all(len(column) == count for column in columns) else None
     return None
 

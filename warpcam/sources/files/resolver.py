@@ -52,17 +52,24 @@ class Resolver(trimesh.resolvers.FilePathResolver):  # type: ignore[misc]
     def _bytes(self, name: str) -> bytes | None:
         for written in dict.fromkeys((name, name.replace("\\", "/"))):
             try:
-                data: bytes = super().get(written)
+                data = self._read(written)
             except (OSError, ValueError):
                 continue
             return data
         return None
 
+    def _read(self, name: str) -> bytes:
+        place = Path(self.parent) / name.strip()
+        if place.exists() and not place.is_file():  # a device may have no end
+            raise FileNotFoundError(f"{place} is no plain file")
+        data: bytes = super().get(name)
+        return data
+
     def get(self, name: str) -> bytes:
         if self._is_obj:  # its library: trimesh only tells which faces have which material
             return "".join(f"newmtl {material}\n" for material in self.library).encode()
         try:
-            data: bytes = super().get(name)
+            data = self._read(name)
         except OSError:
             self._collector.warn(
                 "a file is not found; if it is a texture, its material is drawn in its base colour", name

@@ -16,7 +16,7 @@ from warpcam.sources.common.images import UnreadableError, decoded
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.robots import meshes
 from warpcam.sources.robots.looks import UrdfLook, look_of, looks_of
-from warpcam.sources.robots.packages import find_files
+from warpcam.sources.robots.packages import find_files, is_file
 
 SEEN, HIDDEN = 1, 3  # groups of shapes: that are seen; that are there to be touched, not drawn unless asked for
 ALONE = 0  # group of shapes that are there to be touched, and are drawn
@@ -292,11 +292,14 @@ class _Robot:
     def _image(self, file: str) -> np.ndarray | None:
         if file not in self._images:
             self._images[file] = None
+            if not is_file(Path(file)):
+                self._collector.warn("names a texture that is not there", file)
+                return None
             try:
                 pixels = decoded(Path(file).read_bytes())
                 self._images[file] = np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
-            except OSError:
-                self._collector.warn("names a texture that is not there", file)
+            except OSError as error:
+                self._collector.warn(f"names a texture that cannot be read ({error.strerror})", file)
             except UnreadableError as error:
                 self._collector.warn(f"names a texture that cannot be read ({error})", file)
         return self._images[file]
