@@ -197,7 +197,7 @@ template <class Tile, class Depths> WARPCAM_DEVICE void keep_tile(Tile& tile, co
             continue;
         float depth = image[row * width + column];
         const float disparity = tile.at[y + radius][x + radius];
-        if (disparity >= 0.0f) {
+        if (disparity != UNMATCHED) {  // what is no number measures nothing
             const DisparitySum sum = tile.row(y, x);
             const float mean = quotient(sum.total, sum.count, rcp(sum.count));
             const float farthest = max(sum.greatest - mean, mean - as_float(int(sum.least)));
@@ -207,7 +207,7 @@ template <class Tile, class Depths> WARPCAM_DEVICE void keep_tile(Tile& tile, co
             alike -= count_strays<Tile::PITCH>(middle, reach, mean, growth);
             const int columns = min(column + radius + 1, width) - max(column - radius, 0);
             const int lines = min(row + radius + 1, height) - max(row - radius, 0);
-            if (float(alike) < rule.share * float(lines * columns))
+            if (!(float(alike) >= rule.share * float(lines * columns)))
                 depth = 0.0f;
         }
         out[row * width + column] = depth;
@@ -225,7 +225,7 @@ WARPCAM_DEVICE void keep_matches(const Mask& mask, int width, int height, int ru
     if (!mask.data[world])
         return;
     const float focal = given.focal.data[world];
-    const float pixels = focal > 0.0f ? focal : 1.0f / given.views.data[world].scale[0];
+    const float pixels = !(focal <= 0.0f) ? focal : 1.0f / given.views.data[world].scale[0];
     const WindowRule rule = { pixels * given.baseline.data[world], given.tolerance.data[world], given.share.data[world],
                               given.radius };
     const size_t start = size_t(world) * width * height;
