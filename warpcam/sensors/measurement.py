@@ -123,13 +123,9 @@ class Measurement:
         truth = {name: array[within] for name, array in self._truth.items()}
         stages: list[Stage] = []
         if self._unclipped is not None:
-            views, drawn, unclipped = (
-                self._renderer.views(self._camera)[within],
-                truth["depth"],
-                self._unclipped[within],
-            )
-            rows = [mask, self._size, views, _as_rows(drawn), _as_rows(unclipped)]
-            stages.append(self._per_strip(kernels.hide_misses, worlds, rows))
+            drawn, unclipped = truth["depth"], self._unclipped[within]
+            source, target = _as_rows(drawn), _as_rows(unclipped)
+            stages.append(self._exchange_misses(source, target, worlds, mask, hides=True))
             truth["depth"] = unclipped
         for steps, buffers in zip(self._chains, self._buffers, strict=True):
             source = _as_rows(self._starts[steps[0].source][within])
@@ -314,8 +310,12 @@ class Measurement:
     def _show_misses(
         self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
     ) -> Sequence[Stage]:
+        return [self._exchange_misses(source, target, worlds, mask, hides=False)]
+
+    def _exchange_misses(self, source: wp.array, target: wp.array, worlds: range, mask: wp.array, hides: bool) -> Stage:
         views = self._renderer.views(self._camera)[worlds.start : worlds.stop]
-        return [self._per_strip(kernels.show_misses, worlds, [mask, self._size, views, source, target])]
+        inputs = [mask, self._size, views, int(hides), source, target]
+        return self._per_strip(kernels.exchange_misses, worlds, inputs)
 
     def _bind_curve(self, kernel: wp.Kernel, tables: Sequence[wp.array]) -> BindStep:
         def bind(source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array) -> Sequence[Stage]:

@@ -25,43 +25,28 @@ def clear(mask: wp.array(dtype=wp.uint8), words: wp.array2d(dtype=wp.int32), fir
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
-def hide_misses(
+def exchange_misses(
     mask: wp.array(dtype=wp.uint8),
     size: wp.vec2i,
     views: wp.array(dtype=View),
+    hides: wp.int32,
     source: wp.array2d(dtype=wp.float32),
     target: wp.array2d(dtype=wp.float32),
     first: wp.int32,
 ):
-    """Depth that is infinite where nothing is hit, whatever the camera has there."""
+    """Depth that is infinite where nothing is hit, whatever the camera has there; or, if ``hides`` is 0, that again."""
     world, column, top, bottom = strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
-    miss = views[world].miss
+    before = views[world].miss
+    after = wp.float32(wp.inf)
+    if hides == 0:
+        after = before
+        before = wp.float32(wp.inf)
     for row in range(top, bottom):
         pixel = row * size[0] + column
         depth = source[world, pixel]
-        target[world, pixel] = wp.where(depth == miss, wp.inf, depth)
-
-
-@wp.kernel(enable_backward=False, grid_stride=False)
-def show_misses(
-    mask: wp.array(dtype=wp.uint8),
-    size: wp.vec2i,
-    views: wp.array(dtype=View),
-    source: wp.array2d(dtype=wp.float32),
-    target: wp.array2d(dtype=wp.float32),
-    first: wp.int32,
-):
-    """Depth that is again what the camera has where nothing is hit, and no effect has changed that."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
-    if mask[world] == wp.uint8(0):
-        return
-    miss = views[world].miss
-    for row in range(top, bottom):
-        pixel = row * size[0] + column
-        depth = source[world, pixel]
-        target[world, pixel] = wp.where(depth == wp.inf, miss, depth)
+        target[world, pixel] = wp.where(depth == before, after, depth)
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
