@@ -44,6 +44,8 @@ class SceneFlag(IntFlag):
     COINCIDENT = 1 << 14  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
     # outputs that are not lit see planes from behind, too: native/camera/shape_setup.h
     PLANES_FROM_BEHIND = 1 << 15
+    # of shadows: a light without an ambient part gives nothing to what is turned away from it
+    BACKS_UNLIT = 1 << 16
 
 
 NO_SCENE_FLAGS = SceneFlag(0)

@@ -48,7 +48,7 @@ def plan_shadow(
 ) -> PlannedLaunch[ShadowKey]:
     """The kernel of a camera's shadow pass."""
     types = launches.scene_types(tables, device)
-    scene = types.scene
+    scene = types.scene | flag_if(SceneFlag.BACKS_UNLIT, tables.physical is None)
     if MESH in tables.shape_types:
         scene |= flag_if(SceneFlag.SHADING_BACKS, tables.physical is None or tables.backs_shade)
         scene |= flag_if(SceneFlag.HAS_OCCLUDER_BOXES, tables.physical is None and has_occluder_boxes(tables))

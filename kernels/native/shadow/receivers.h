@@ -2,6 +2,7 @@
 #pragma once
 #include "shadow/casters.h"
 #include "shadow/shadow_span.h"
+#include "shadow/turned_away.h"
 
 namespace warpcam {
 
@@ -61,8 +62,8 @@ struct Asking {
     bool asks;
 };
 
-template <class Task, class Target>
-WARPCAM_DEVICE Asking asking_at(const Task& task, const Target& target, int column, int row)
+template <class Types, class Task, class Shapes, class Target>
+WARPCAM_DEVICE Asking asking_at(const Task& task, const Shapes& shapes, const Target& target, int column, int row)
 {
     Asking a {};
     const auto& view = task.view;
@@ -75,17 +76,20 @@ WARPCAM_DEVICE Asking asking_at(const Task& task, const Target& target, int colu
         a.place = place_of(view.light.distant, view.lit.point(float(i), float(j), depth));
         a.span = span_of(view.light, view.origin, a.p, depth);
         a.asks = a.span.near < a.span.reach;
+        if constexpr (leaves_out_backs<Types>())
+            a.asks = a.asks && !turned_away<Types>(shapes, task.world, a.id, view, a.p);
     }
     return a;
 }
 
 // Bounds of the points of a region that ask. Called by a block, whose warps each leave theirs in `covers`.
-template <int WIDTH, int HEIGHT, class Task, class Target>
-WARPCAM_DEVICE void survey_region(const Task& task, const Target& target, ReceiverBounds* covers, int thread)
+template <class Types, int WIDTH, int HEIGHT, class Task, class Shapes, class Target>
+WARPCAM_DEVICE void survey_region(const Task& task, const Shapes& shapes, const Target& target, ReceiverBounds* covers,
+                                  int thread)
 {
     ReceiverBounds cover = no_cover();
     for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-        const Asking a = asking_at(task, target, pixel % WIDTH, pixel / WIDTH);
+        const Asking a = asking_at<Types>(task, shapes, target, pixel % WIDTH, pixel / WIDTH);
         if (a.asks)
             cover.add(a.place);
     }

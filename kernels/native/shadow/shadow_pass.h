@@ -31,7 +31,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
                                       map_size(lights, distant, per_world(lights.cutoff, world, light)));
     const PointReconstructor<LENS> reconstructor = reconstructor_of<LENS>(camera);
     bool dims = false;
-    if constexpr (Types::has(MESH) && Types::has(SHADING_BACKS)) {
+    if constexpr ((Types::has(MESH) && Types::has(SHADING_BACKS)) || leaves_out_backs<Types>()) {
         const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
@@ -150,13 +150,19 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
         const LightSpacePoint place = place_of(view.light.distant, view.lit.point(i, j, depth));
-        const bool asks = id >= 0 && may_be_shaded(list, place);
+        bool asks = id >= 0 && may_be_shaded(list, place);
+        const Vec3 p = view.reconstructor.point(i, j, depth);
+        if constexpr (leaves_out_backs<Types>()) {
+            if (asks)
+                asks = !turned_away<Types>(shapes, task.world, id, view, p);
+            if (!__any_sync(FULL_WARP, asks))
+                return true;
+        }
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
         const TileBounds around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : bounds_uv_around(place, asks);
         if (!HAS_MESH && !may_occlude(list, around))
             return true;
-        const Vec3 p = view.reconstructor.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
         const bool met_any = shade_tile<Types>(list, view, p, id, span, place, around, open, fields, met);
@@ -212,7 +218,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const int column = tile % across * TILE_WIDTH, left = region.left + column;
         const int row = tile / across * TILE_HEIGHT;
         const size_t first = corner + size_t(row) * target.width + column;
-        if (!points.template load<Types>(view, target, first, left, region.top + row, bit, fresh))
+        if (!points.template load<Types>(view, shapes, world, target, first, left, region.top + row, bit, fresh))
             continue;
         shade_tile<Types>(list, bounds_uv, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);
@@ -344,7 +350,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         if constexpr (FULL) {
             if (total > CAPACITY) {
                 if (begin == 0)
-                    survey_region<WIDTH, HEIGHT>(task, target, covers, thread);
+                    survey_region<Types, WIDTH, HEIGHT>(task, shapes, target, covers, thread);
                 return covers[0].any
                            ? gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials,
                                                          meshes, fields, light, camera, world, thread)
