@@ -48,7 +48,7 @@ def plan_shadow(
 ) -> PlannedLaunch[ShadowKey]:
     """The kernel of a camera's shadow pass."""
     types = launches.scene_types(tables, device)
-    scene = types.scene | flag_if(SceneFlag.BACKS_UNLIT, tables.physical is None)
+    scene = types.scene
     if MESH in tables.shape_types:
         scene |= flag_if(SceneFlag.SHADING_BACKS, tables.physical is None or tables.backs_shade)
         scene |= flag_if(SceneFlag.HAS_OCCLUDER_BOXES, tables.physical is None and has_occluder_boxes(tables))
@@ -58,6 +58,8 @@ def plan_shadow(
     many = MANY < num_casters <= MOST and not (device.is_cuda and MESH in tables.shape_types)
     capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES if device.is_cuda else CPU_CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
+    surveyed = device.is_cuda and MESH in tables.shape_types and capacity == CAPACITIES[-1]
+    scene |= flag_if(SceneFlag.BACKS_UNLIT, surveyed and tables.physical is None)
     width, height = request.width, request.height
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)

@@ -35,9 +35,8 @@ struct PickedCasters {
 };
 
 // Looks through the patches of a region.
-template <class Types, int LENS, int WIDTH, int HEIGHT, class Shapes, class Target>
-WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Shapes& shapes, const Target& target, Patch* patches,
-                           int warp, int lane)
+template <int LENS, int WIDTH, int HEIGHT, class Target>
+WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Target& target, Patch* patches, int warp, int lane)
 {
     constexpr int ACROSS = WIDTH / PATCH, COUNT = ACROSS * (HEIGHT / PATCH);
     for (int patch = warp; patch < COUNT; patch += WARPS) {
@@ -47,7 +46,7 @@ WARPCAM_DEVICE void survey(const LightPass<LENS>& task, const Shapes& shapes, co
         for (int tile = 0; tile < PATCH / TILE_HEIGHT; ++tile) {
             const int column = patch % ACROSS * PATCH + lane % TILE_WIDTH;
             const int row = patch / ACROSS * PATCH + tile * TILE_HEIGHT + lane / TILE_WIDTH;
-            const Asking a = asking_at<Types>(task, shapes, target, column, row);
+            const Asking a = asking_at(task, target, column, row);
             if (a.asks)
                 cover.add(a.place);
             tiles |= int(__any_sync(FULL_WARP, a.asks)) << tile;
@@ -174,7 +173,7 @@ WARPCAM_DEVICE void cast_tile(const CasterList<PICKED, false>& list, const Light
                               const Meshes& meshes, const HeightFields& fields, const Target& target, int column,
                               int row, int lane)
 {
-    const Asking a = asking_at<Types>(task, shapes, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
+    const Asking a = asking_at(task, target, column + lane % TILE_WIDTH, row + lane / TILE_WIDTH);
     if (is_shaded<Types>(list, task.view, a, fields))
         target.shadow.data[a.at] |= static_cast<int>(task.bit);
 }
@@ -259,7 +258,7 @@ WARPCAM_DEVICE void cast_many(const Shapes& shapes, const Materials& materials, 
             };
         }
         block_sync();
-        survey<Types, LENS, WIDTH, HEIGHT>(task, shapes, target, patches, warp, lane);
+        survey<LENS, WIDTH, HEIGHT>(task, target, patches, warp, lane);
         block_sync();
         if (warp == 0) {
             ReceiverBounds sum = no_cover();

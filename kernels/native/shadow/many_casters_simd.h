@@ -127,8 +127,8 @@ inline void cast_many(const Shapes& shapes, const Materials& materials, const Me
         const unsigned bit = 1u << place;
         const auto load = [&](Points& points, int tile_column, int tile_row, bool clear) {
             const int column = tile_column * TILE_WIDTH, row = tile_row * TILE_HEIGHT;
-            return points.load<Types>(view, shapes, world, target, corner + size_t(row) * target.width + column,
-                                      region.left + column, region.top + row, bit, clear);
+            return points.load<Types>(view, target, corner + size_t(row) * target.width + column, region.left + column,
+                                      region.top + row, bit, clear);
         };
         PointsAround patches[PATCHES], all;
         bool asks[ACROSS * DOWN];

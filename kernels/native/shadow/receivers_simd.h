@@ -2,7 +2,6 @@
 #pragma once
 #include "camera/view_rays_simd.h"
 #include "shadow/shadow_span.h"
-#include "shadow/turned_away.h"
 #include "lights/shadow_extent.h"
 
 namespace warpcam {
@@ -67,11 +66,10 @@ struct Points {
 
     // Loads the points of a tile, whose first pixel is `first`; false if none asks. With `fresh` their masks are
     // cleared.
-    template <class Types, int LENS, class Shapes, class Target>
-    bool load(const ReceiverView<LENS>& view, const Shapes& shapes, int world, const Target& target, size_t first,
-              int left, int top, unsigned bit, bool fresh)
+    template <class Types, int LENS, class Target> bool load(const ReceiverView<LENS>& view, const Target& target,
+                                                             size_t first, int left, int top, unsigned bit, bool fresh)
     {
-        constexpr bool FACES = Types::has(MESH), IDS = FACES || Types::has(HEIGHT_FIELD) || leaves_out_backs<Types>();
+        constexpr bool FACES = Types::has(MESH), IDS = FACES || Types::has(HEIGHT_FIELD);
         static_assert(TILE_WIDTH == SIMD_WIDTH && TILE_HEIGHT == ROWS);
         this->left = left;
         this->top = top;
@@ -115,27 +113,10 @@ struct Points {
                 row_rays(view.reconstructor, left, top + row, rays);
                 put(row, view.light, view.origin, points_of(view.reconstructor, rays, depth),
                     points_of(view.lit, rays, depth), depth);
-                if constexpr (leaves_out_backs<Types>())
-                    if (!view.dims)
-                        leave_out_backs(row, shapes, world, view.light, view.origin);
             }
             asked[row] = open[row];
         }
         return any_open();
-    }
-
-    // Leaves out points of a row on sides of boxes that are turned away from the light.
-    template <class Shapes>
-    void leave_out_backs(int row, const Shapes& shapes, int world, const LightView& light, Vec3 origin)
-    {
-        const Int8 shown = load8(ids + row * SIMD_WIDTH);
-        for (unsigned left = movemask(open[row]); left;) {
-            const int id = ids[row * SIMD_WIDTH + ctz(left)];
-            const Int8 its = shown == id;
-            left &= ~movemask(its);
-            if (wp::index(shapes.types, id) == BOX)
-                open[row] &= ~(its & turned_away(load_shape(shapes, world, id), light, origin, at[row]));
-        }
     }
 
     // Adds the light's bit to the masks of those that are shaded.

@@ -93,10 +93,11 @@ template <class List> WARPCAM_DEVICE bool others_met(const List& list, unsigned 
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
 // of the pixels that lie in shadow.
-template <class Types, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
-          class Target>
-WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Shapes& shapes, const Meshes& meshes,
-                               const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
+template <class Types, int LENS, int WIDTH, int HEIGHT, class List, class Asking_, class Shapes, class Meshes,
+          class HeightFields, class Target>
+WARPCAM_DEVICE void cast_light(List& list, Asking_& asking_tiles, const LightPass<LENS>& task, const Shapes& shapes,
+                               const Meshes& meshes, const HeightFields& fields, const Target& target,
+                               const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = Types::has(MESH);
     const ReceiverView<LENS>& view = task.view;
@@ -104,6 +105,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     constexpr bool BESIDE = lights_per_batch<Types, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
+    constexpr bool SURVEYED = Asking_::COUNT > 0;  // it is known which points ask
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child<Types>()>>
         rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
     const int lane = threadIdx.x % WARP_SIZE, warp = HAS_MESH ? threadIdx.x / WARP_SIZE : 0;
@@ -122,6 +124,13 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
         while (!asking) {
+            if constexpr (SURVEYED) {
+                strip = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                if (strip >= unsigned(Asking_::COUNT))
+                    return false;
+                asking = asking_tiles.of[strip];
+                continue;
+            }
             if constexpr (ON_FLOOR) {
                 if (!take_strip(list.strips, strip, lane))
                     return false;
@@ -140,9 +149,11 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             __syncwarp();  // masks that one lane clears another may write
         }
         const int first_lane = ctz(asking);
-        asking &= ~Strips::lanes_of(first_lane);
-        const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
-        const int row = Strips::row(strip) + lane / TILE_WIDTH;
+        const bool may_ask = !SURVEYED || (asking >> lane & 1);
+        asking = SURVEYED ? 0 : asking & ~Strips::lanes_of(first_lane);
+        const int column = (SURVEYED ? Asking_::column(strip) : Strips::column(strip) + Strips::tile_column(first_lane))
+                           + lane % TILE_WIDTH;
+        const int row = (SURVEYED ? Asking_::row(strip) : Strips::row(strip)) + lane / TILE_WIDTH;
         const size_t at = task.corner + unsigned(row * target.width + column);
         const int column_in_view = task.region.left + column, row_in_view = task.region.top + row;
         const bool inside = (column_in_view < target.width) & (row_in_view < target.height);
@@ -150,19 +161,13 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
         const LightSpacePoint place = place_of(view.light.distant, view.lit.point(i, j, depth));
-        bool asks = id >= 0 && may_be_shaded(list, place);
-        const Vec3 p = view.reconstructor.point(i, j, depth);
-        if constexpr (leaves_out_backs<Types>()) {
-            if (asks)
-                asks = !turned_away<Types>(shapes, task.world, id, view, p);
-            if (!__any_sync(FULL_WARP, asks))
-                return true;
-        }
+        const bool asks = may_ask && id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
         const TileBounds around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : bounds_uv_around(place, asks);
         if (!HAS_MESH && !may_occlude(list, around))
             return true;
+        const Vec3 p = view.reconstructor.point(i, j, depth);
         const Span span = span_of(view.light, view.origin, p, depth);
         unsigned met[WORDS] {};
         const bool met_any = shade_tile<Types>(list, view, p, id, span, place, around, open, fields, met);
@@ -192,6 +197,8 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         }
         if (asks && !open)
             mark_shadow<BESIDE>(target, at, task.bit);
+        if constexpr (SURVEYED)
+            asking_tiles.leave_out(strip, asks && !open, lane);
         return true;
     };
     if (HAS_MESH) {
@@ -218,34 +225,12 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const int column = tile % across * TILE_WIDTH, left = region.left + column;
         const int row = tile / across * TILE_HEIGHT;
         const size_t first = corner + size_t(row) * target.width + column;
-        if (!points.template load<Types>(view, shapes, world, target, first, left, region.top + row, bit, fresh))
+        if (!points.template load<Types>(view, target, first, left, region.top + row, bit, fresh))
             continue;
         shade_tile<Types>(list, bounds_uv, view, world, shapes, meshes, fields, points);
         points.mark(target, first, bit);
     }
 #endif
-}
-
-// Clears the masks of a region.
-template <int WIDTH, int HEIGHT, class Target>
-WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, int world, int thread)
-{
-#if defined(__CUDA_ARCH__)
-    constexpr int TOGETHER = 16;
-    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
-    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
-        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
-        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
-            clear_several<TOGETHER>(
-                corner + unsigned(number / (WIDTH / TOGETHER) * target.width + number % (WIDTH / TOGETHER) * TOGETHER));
-        return;
-    }
-#endif
-    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
-        if (i < target.width && j < target.height)
-            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
-    }
 }
 
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
@@ -274,9 +259,19 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
+#if defined(__CUDA_ARCH__)
+    constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
+    WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
+    WARPCAM_SHARED AskingTiles<FULL ? WIDTH : 0, FULL ? HEIGHT : 0> asking_tiles;
+    if constexpr (FULL)
+        clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+#else
+    constexpr bool FULL = false;
+    AskingTiles<0, 0> asking_tiles;
+#endif
     ActiveLights active = active_lights(lights);
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
-    bool fresh = true;
+    bool fresh = !FULL;  // masks are still to be cleared
     unsigned floors = 0;
 #if defined(__CUDA_ARCH__)
     if constexpr (uses_plane_cull<Types, LENS, WIDTH, HEIGHT>()) {
@@ -332,8 +327,8 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
                     continue;
-                cast_light<Types, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor,
-                                                       floors);
+                cast_light<Types, LENS, WIDTH, HEIGHT>(lists[k], asking_tiles, tasks[k], shapes, meshes, fields, target,
+                                                       floor, floors);
             }
         }
         return;
@@ -341,21 +336,16 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
 #endif
     auto& list = lists[0];
     auto& task = tasks[0];
-#if defined(__CUDA_ARCH__)
-    constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
-    WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
-#endif
     const auto gather = [&](int begin, const LightView& light, const Camera& camera) {
 #if defined(__CUDA_ARCH__)
         if constexpr (FULL) {
-            if (total > CAPACITY) {
-                if (begin == 0)
-                    survey_region<Types, WIDTH, HEIGHT>(task, shapes, target, covers, thread);
-                return covers[0].any
-                           ? gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials,
-                                                         meshes, fields, light, camera, world, thread)
-                           : total;
-            }
+            if (begin == 0)
+                survey_region<Types>(task, shapes, target, covers, asking_tiles, thread);
+            if (!covers[0].any)
+                return total;
+            if (total > CAPACITY)
+                return gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials, meshes,
+                                                   fields, light, camera, world, thread);
         }
 #endif
         return gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
@@ -379,7 +369,8 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 begin = gather(begin, own.light, camera);
             }
             if (list.count > 0)
-                cast_light<Types, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
+                cast_light<Types, LENS, WIDTH, HEIGHT>(list, asking_tiles, task, shapes, meshes, fields, target, floor,
+                                                       floors);
             fresh = fresh && list.count == 0;
         } while (begin < total);
     }
