@@ -24,7 +24,7 @@ from warpcam.tools import scene_options
 
 ABOUT = "render a scene in many worlds and save pictures"
 FREE_CAMERA = "free"
-TIMING = 0.3  # how long frames are counted at most, after the first one [s]
+TIMING = 0.2  # how long frames are counted at most, after the first one [s]
 SENSORS = (
     "realsense_d405",
     "realsense_d415",
