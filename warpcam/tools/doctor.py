@@ -1,5 +1,6 @@
 """``warpcam doctor``: what is where on this machine, and whether every device of it renders what the CPU renders."""
 
+import argparse
 import json
 import os
 import platform
@@ -20,8 +21,9 @@ from rich.text import Text
 from warpcam.accel import tree_cache
 from warpcam.core import device as device_rule
 from warpcam.kernels.runtime.cpu_pool import cpu_threads, parse_positive_int
-from warpcam.tools import self_test
+from warpcam.tools import self_test, startup
 
+ABOUT = "print what is where on this machine, and render a small scene on every device; 1 if one fails"
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")
 SIMULATORS = (
     "mujoco",
@@ -166,10 +168,17 @@ def read_environment() -> list[Variable]:
     return found
 
 
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.description = ABOUT
+    command.add_argument("--json", action="store_true", help="print it for programs")
+    command.add_argument("--plan", action="store_true", help="print the kernels of the self test, too")
+
+
 def run(options: Any) -> int:
     """Print the report; 1 if there is a problem."""
     try:
-        wp.init()
+        startup.init_quietly()
     except Exception as error:  # whatever a broken installation raises; mostly a folder that cannot be written
         problem = f"Warp does not start: {error}. WARP_CACHE_PATH says where it keeps compiled kernels, else the home"
         print(json.dumps({"ok": False, "problems": [problem]}) if options.json else f"PROBLEM {problem}")
