@@ -10,7 +10,7 @@ starts as a user would: Python's own arguments behind this file's name run anoth
 tests.
 
 Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's; a program
-whose kernels have another folder takes them from the process that started it (WARPCAM_TESTS_HEADERS).
+that a test starts with another folder for its kernels takes them from the tests' own (WARPCAM_TESTS_HEADERS).
 """
 
 import fcntl
@@ -69,7 +69,7 @@ def share_headers() -> None:
     def build_cpu(*args: Any, **options: Any) -> None:
         if QUICK in options["extra_flags"]:
             options["optimization_level"] = 0  # of what turns the optimised code into the machine's
-        folder = Path(os.environ.setdefault("WARPCAM_TESTS_HEADERS", str(wp.config.kernel_cache_dir)), name)
+        folder = Path(os.environ.get("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir), name)
         folder.mkdir(parents=True, exist_ok=True)
         if options["pch_dir"]:
             options["pch_dir"] = str(folder)
