@@ -34,6 +34,8 @@ import warp as wp
 gc.disable()  # until all is imported, which stays
 wp.config.quiet = True
 fast_compile.install(ours=True)
+wp.init()
+os.environ.setdefault("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir)
 
 
 def pytest_collection_finish() -> None:
