@@ -1,17 +1,18 @@
 // Shadow pass: finds the lights that reach each visible point. Each pixel's hit point looks back at each light; the
 // shapes that may stand between a tile's points and the light are selected once for the whole tile.
 #pragma once
+#include "core/conditional.h"
 #include "shadow/plane_receiver_cull.h"
 #include "lights/active_lights.h"
 #include "shadow/mesh_any_hit.h"
-#include "shadow/receivers.h"
+#include "shadow/near_casters.h"
 #include "shadow/shadow_strips.h"
 #include "shadow/occluder_boxes.h"
 
 namespace warpcam {
 
 constexpr int FEW_CASTERS = 2;
-constexpr int FULL_LIST = 192;  // the largest list; in scenes of more casters it has those that a region needs
+constexpr int FULL_LIST = 160;  // the largest list; in scenes of more casters it has those that a region needs
 
 // True if an active light casts shadows. A light without colour has none to take away.
 template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
@@ -262,6 +263,7 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
 #if defined(__CUDA_ARCH__)
     constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
     WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
+    WARPCAM_SHARED optional_t<FULL, NearPlaces> near_places;
     WARPCAM_SHARED AskingTiles<FULL ? WIDTH : 0, FULL ? HEIGHT : 0> asking_tiles;
     if constexpr (FULL)
         clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
@@ -336,27 +338,42 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
 #endif
     auto& list = lists[0];
     auto& task = tasks[0];
-    const auto gather = [&](int begin, const LightView& light, const Camera& camera) {
+    int begin = 0, listed = 0;  // the first shape that was not asked for; places near the region that were listed
+    const auto gather = [&](const LightView& light, const Camera& camera) {  // true if there are more
 #if defined(__CUDA_ARCH__)
         if constexpr (FULL) {
-            if (begin == 0)
+            if (begin == 0) {
                 survey_region<Types>(task, shapes, target, covers, asking_tiles, thread);
-            if (!covers[0].any)
-                return total;
-            if (total > CAPACITY)
-                return gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials, meshes,
-                                                   fields, light, camera, world, thread);
+                if (thread == 0)
+                    near_places.count = 0;
+                listed = 0;
+                block_sync();
+            }
+            const NearCasters wanted { covers[0] };
+            if (!wanted.cover.any)
+                return false;
+            if (listed >= near_places.count) {
+                begin =
+                    find_near<Types>(near_places, begin, wanted, shapes, meshes, fields, light, camera, world, thread);
+                listed = 0;
+            }
+            gather_near<Types>(list, near_places, listed, wanted, shapes, materials, meshes, fields, light, camera,
+                               world, thread);
+            listed += CAPACITY;
+            return begin < total || listed < near_places.count;
         }
 #endif
-        return gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
-                                     world, thread);
+        begin = gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
+                                      world, thread);
+        return begin < total;
     };
     for (int number = 0; number < num_lights; ++number) {
         const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        int begin = 0;
-        do {
+        begin = 0;
+        bool more = true;
+        while (more) {
             block_sync();  // the list may still be in use
             if (thread == 0)
                 list.count = list.next_tile = list.strips = 0;
@@ -366,13 +383,13 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
                 block_sync();
-                begin = gather(begin, own.light, camera);
+                more = gather(own.light, camera);
             }
             if (list.count > 0)
                 cast_light<Types, LENS, WIDTH, HEIGHT>(list, asking_tiles, task, shapes, meshes, fields, target, floor,
                                                        floors);
             fresh = fresh && list.count == 0;
-        } while (begin < total);
+        }
     }
     if (fresh)  // nothing casts a shadow
         clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
