@@ -1,12 +1,13 @@
 """Reader of a file, chosen by the file's extension."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, Limits
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
@@ -25,6 +26,9 @@ def load(
     textures: Mapping[str, Any],
     transparency: bool | None = None,
     packages: Mapping[str, Any] | None = None,
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
     add: Callable[[SceneGraph], None] | None = None,
 ) -> Scene:
     """See ``warpcam.load``; ``add`` adds to what a file of meshes has before a scene is made of it."""
@@ -58,15 +62,21 @@ def load(
             double_sided=None,
             semantics=None,
             exposure=None,
+            trusted=trusted,
+            search_paths=search_paths,
+            limits=limits,
         )
         return stage
+    access = FileAccess(file, trusted, search_paths, limits)
     if kind in MUJOCO:
         for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
             if value:
                 raise WarpcamError(f"load: {name} is not for {kind} files")
         from warpcam.sources.mujoco import batch_file
 
-        put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders)
+        put = batch_file.load(
+            file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders, access=access
+        )
         worlds: Scene = import_source("mujoco.device").load(
             put.host, put.model, put.data, (0, 1, 2), transparency=transparency
         )
@@ -85,6 +95,7 @@ def load(
         up_axis=up_axis,
         textures=textures,
         transparency=transparency,
+        access=access,
         add=add,
     )
     return scene
