@@ -1,9 +1,10 @@
 """Loaders: a scene from each simulator, from a USD stage, or from a file."""
 
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from warpcam.core.file_access import Limits
+from warpcam.core.file_access import FileAccess, Limits
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_planes
@@ -213,6 +214,8 @@ def from_usd(
         search_paths: As ``load`` has it; USD looks there for names that do not begin with "./" or "../".
         limits: As ``load`` has it.
     """
+    source = Path(path_or_stage) if isinstance(path_or_stage, str | Path) else None
+    access = FileAccess(source, trusted or source is None, search_paths, limits, "from_usd")
     scene: DrivenScene = import_source("usd.source", "usd").load(
         path_or_stage,
         num_worlds,
@@ -226,9 +229,7 @@ def from_usd(
         textures={} if textures is None else textures,
         exposure=exposure,
         transparency=transparency,
-        trusted=trusted,
-        search_paths=search_paths,
-        limits=limits,
+        access=access,
     )
     return scene
 

@@ -8,6 +8,7 @@ from typing import Any
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess, Limits
+from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
@@ -48,26 +49,18 @@ def load(
     if packages and kind != ".urdf":
         raise WarpcamError(f"load: packages is for .urdf files, not for {kind} files")
     folders = check_packages(packages, "load")
+    access = FileAccess(file, trusted, search_paths, limits)
     if kind in USD:
-        stage: Scene = import_source("usd.source", "usd").load(
+        return load_stage(
             file,
             num_worlds,
             device=device,
+            textures=textures,
+            access=access,
             meters_per_unit=meters_per_unit,
             up_axis=up_axis,
-            textures=textures,
             transparency=transparency,
-            time=None,
-            purposes=("default", "render"),
-            double_sided=None,
-            semantics=None,
-            exposure=None,
-            trusted=trusted,
-            search_paths=search_paths,
-            limits=limits,
         )
-        return stage
-    access = FileAccess(file, trusted, search_paths, limits)
     if kind in MUJOCO:
         for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
             if value:
@@ -97,5 +90,35 @@ def load(
         transparency=transparency,
         access=access,
         add=add,
+    )
+    return scene
+
+
+def load_stage(
+    path_or_stage: Any,
+    num_worlds: int,
+    *,
+    device: Any,
+    textures: Mapping[str, Any],
+    access: FileAccess,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
+    transparency: bool | None = None,
+) -> DrivenScene:
+    """A stage that may open what ``access`` says; arguments as ``warpcam.from_usd`` has them."""
+    scene: DrivenScene = import_source("usd.source", "usd").load(
+        path_or_stage,
+        num_worlds,
+        device=device,
+        meters_per_unit=meters_per_unit,
+        up_axis=up_axis,
+        textures=textures,
+        transparency=transparency,
+        time=None,
+        purposes=("default", "render"),
+        double_sided=None,
+        semantics=None,
+        exposure=None,
+        access=access,
     )
     return scene

@@ -21,11 +21,12 @@ from warpcam.benchmarks import options as benchmarks
 from warpcam.benchmarks import run
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.datasets.trajectories import replay_options as replays
 from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import dataset, doctor
+from warpcam.tools import dataset, doctor, scene_access
 from warpcam.tools.demo_simulation import Simulation
 from warpcam.tools.image_size import image_size
 from warpcam.train import options as training
@@ -136,6 +137,7 @@ def _add_scene(command: argparse.ArgumentParser, worlds: int, size: str) -> None
         metavar="SCENE",
         help=f"a file: {', '.join((*formats.MUJOCO, *formats.USD, *formats.MESHES))} (default: a demo scene)",
     )
+    scene_access.add(command)
     command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
     command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
     command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
@@ -159,10 +161,11 @@ def _view(options: argparse.Namespace) -> int:
 
     width, height, device = _checked_scene(options)
     path, simulation = options.scene or batch_file.DEMO, None
+    access = FileAccess(path, **scene_access.options_of(options))
     if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-        scene = warpcam.load(path, options.worlds, device=device)
+        scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
     else:
-        simulation = Simulation(path, options.worlds, options.seed)
+        simulation = Simulation(path, options.worlds, options.seed, access)
         scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device)
     viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port)
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
@@ -199,11 +202,12 @@ def _render(options: argparse.Namespace) -> int:
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
         path, host, put = options.scene or batch_file.DEMO, None, None
+        access = FileAccess(path, **scene_access.options_of(options))
         if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-            scene = warpcam.load(path, options.worlds, device=device)
+            scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
             progress.update(steps, description="building and compiling", advance=1)
         else:
-            put = batch_file.load(path, num_worlds=options.worlds, seed=options.seed, device=device)
+            put = batch_file.load(path, num_worlds=options.worlds, seed=options.seed, device=device, access=access)
             progress.update(steps, description="building and compiling", advance=1)
             scene, host = warpcam.from_mujoco_warp(put.host, put.model, put.data), put.host
         model = CAMERA_MODELS[options.sensor]() if options.sensor else None

@@ -48,8 +48,7 @@ def decoded(data: bytes, access: FileAccess, name: str) -> np.ndarray:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(data), formats=FORMATS) as image:
-                access.check("image_pixels", image.width * image.height, name)
-                access.take(4 * image.width * image.height, name)
+                check_pixels(image, access, name)
                 return pixels_of(image)
     except RefusedError:
         raise
@@ -61,6 +60,12 @@ def decoded(data: bytes, access: FileAccess, name: str) -> np.ndarray:
         raise UnreadableError("its format is not known") from None
     except (OSError, ValueError, SyntaxError, MemoryError) as error:
         raise UnreadableError(" ".join(str(error).split())) from None
+
+
+def check_pixels(image: Image.Image, access: FileAccess, name: str) -> None:
+    """Raise ``RefusedError`` if an image, whose header is read, is too large to be decoded."""
+    access.check("image_pixels", image.width * image.height, name)
+    access.take(4 * image.width * image.height, name)
 
 
 def pixels_of(image: Image.Image) -> np.ndarray:

@@ -192,20 +192,32 @@ def _tags(path: Path, access: FileAccess) -> Iterator[_Tag]:
     text = access.read(path).partition(b"\0")[0].decode("utf-8", "surrogateescape")
     at = text.find("<")
     while at >= 0:
-        aside = ASIDE.match(text, at)
-        if aside is None:
-            begin = BEGIN.match(text, at)
-            attributes: dict[str, str] = {}
-            end = begin.end() if begin else at
-            while begin and (found := ATTRIBUTE.match(text, end)):
-                attributes[found[1].lower()] = _unescaped(found[2] if found[2] is not None else found[3])
-                end = found.end()
-            closed = END.match(text, end)
-            if begin is None or closed is None:
+        if aside := ASIDE.match(text, at):
+            end = aside.end()
+        else:
+            found = _tag(text, at)
+            if found is None:
                 line = text.count("\n", 0, at) + 1
                 raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: XML parse error, line {line}: no tag")
-            yield _Tag(begin[2].lower(), attributes, 1 if begin[1] else 2 if closed[1] else 0)
-        at = text.find("<", (aside or closed).end())
+            tag, end = found
+            yield tag
+        at = text.find("<", end)
+
+
+def _tag(text: str, at: int) -> tuple[_Tag, int] | None:
+    """The tag that begins at a place, and where it ends; None if there is none."""
+    begin = BEGIN.match(text, at)
+    if begin is None:
+        return None
+    attributes: dict[str, str] = {}
+    end = begin.end()
+    while found := ATTRIBUTE.match(text, end):
+        attributes[found[1].lower()] = _unescaped(found[2] if found[2] is not None else found[3])
+        end = found.end()
+    closed = END.match(text, end)
+    if closed is None:
+        return None
+    return _Tag(begin[2].lower(), attributes, 1 if begin[1] else 2 if closed[1] else 0), closed.end()
 
 
 def _unescaped(text: str) -> str:

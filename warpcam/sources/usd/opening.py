@@ -2,14 +2,13 @@
 
 import re
 import zipfile
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pxr import Ar, Tf, Usd
 
 from warpcam.core.errors import WarpcamError
-from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.usd.layer_files import check_layers
 
 # Kinds of files by their first bytes, with the endings that USD wants for them.
@@ -23,13 +22,10 @@ WORDS = re.compile(r" in file \S+ : '(.*?)'(?= Error in '|$)")  # of the first o
 TABLE = slice(16, 24)  # bytes of a binary file that have the place of its table of contents
 
 
-def opened(
-    path_or_stage: Any, trusted: bool, search_paths: Sequence[Any], limits: Limits | None
-) -> tuple[Usd.Stage, str, FileAccess]:
-    """Return the stage, its name for messages, and what it may open: all for a stage, which somebody has opened."""
+def opened(path_or_stage: Any, access: FileAccess) -> tuple[Usd.Stage, str]:
+    """Return the stage and its name for messages."""
     if isinstance(path_or_stage, Usd.Stage):
-        access = FileAccess(None, True, search_paths, limits, "from_usd")
-        return path_or_stage, path_or_stage.GetRootLayer().identifier, access
+        return path_or_stage, path_or_stage.GetRootLayer().identifier
     if not isinstance(path_or_stage, str | Path):
         raise WarpcamError(f"path_or_stage must be a path or a pxr.Usd.Stage, got {type(path_or_stage).__name__}")
     path = str(path_or_stage)
@@ -37,8 +33,7 @@ def opened(
         raise WarpcamError(f"from_usd: there is no file {path!r}")
     if Path(path).is_dir():
         raise WarpcamError(f"from_usd: {path!r} is a folder; give a .usd, .usda, .usdc or .usdz file")
-    access = FileAccess(Path(path), trusted, search_paths, limits, "from_usd")
-    return open_file(path, access), path, access
+    return open_file(path, access), path
 
 
 def open_file(path: str, access: FileAccess) -> Usd.Stage:

@@ -11,7 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 from warpcam.core import device as device_rule
 from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
-from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.file_access import FileAccess
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.validation import check_num_worlds, check_unit
@@ -41,9 +41,7 @@ def load(
     textures: Mapping[str, Any],
     exposure: float | None,
     transparency: bool | None,
-    trusted: bool = False,
-    search_paths: Sequence[Any] = (),
-    limits: Limits | None = None,
+    access: FileAccess,
 ) -> DrivenScene:
     check_num_worlds(num_worlds)
     if not isinstance(double_sided, bool | np.bool_ | None):
@@ -58,9 +56,8 @@ def load(
         raise WarpcamError(f'up_axis must be "Z", or None for the stage\'s own axes, got {up_axis!r}')
     check_unit(meters_per_unit)
     check_tristate("transparency", transparency)
-    where = device_rule.resolve(device)
-    stage, name, access = opened(path_or_stage, trusted, search_paths, limits)
-    images = named_images(textures, access.limits)
+    images, where = named_images(textures, access.limits), device_rule.resolve(device)
+    stage, name = opened(path_or_stage, access)
     collector = WarningCollector(name)
     try:
         graph = read_graph(stage, name, collector, access, meters_per_unit, up_axis, time, purposes, double_sided)
