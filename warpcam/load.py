@@ -268,8 +268,8 @@ def load(
         packages: Folders of ROS packages by their names, for ``package://`` in .urdf files. Other packages are looked
             for in the folders above the file and in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``.
         trusted: Whether the scene's files may name files anywhere. False: in the scene's folder, its ROS package,
-            folders of assets beside it (``../meshes``, ``../textures`` and the like, also one level further up), and
-            ``search_paths``; ``WarpcamError`` for a file elsewhere.
+            folders of assets beside it (``../meshes``, ``../textures`` and the like), and ``search_paths``;
+            ``WarpcamError`` for a file elsewhere.
         search_paths: More folders that may be opened. What is not found where a file names it is looked for there.
         limits: Sizes of files, images, meshes and counts that are refused; None is ``Limits()``.
 

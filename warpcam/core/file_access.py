@@ -11,10 +11,9 @@ from warpcam.core.errors import RefusedError, WarpcamError
 
 # Folders of assets, which by custom lie beside a scene's folder: robot/urdf/robot.urdf names ../meshes/arm.stl.
 ASSETS = frozenset(
-    ("asset", "assets", "collision", "image", "images", "material", "materials", "media", "mesh", "meshes", "obj",
-     "objs", "stl", "stls", "texture", "textures", "visual")
+    ("asset", "assets", "collision", "image", "images", "material", "materials", "mesh", "meshes", "obj", "objs", "stl",
+     "stls", "texture", "textures", "visual")
 )  # fmt: skip
-LEVELS = 2  # folders above the scene's in which those are
 PACKAGE, PACKAGE_LEVELS = "package.xml", 8  # file that marks a ROS package's folder; how far above a scene it may be
 
 
@@ -53,7 +52,7 @@ class FileAccess:
 
     Args:
         scene: File of the scene. Its folder, the folder of the file that it links to, the ROS package around it and
-            the folders ``ASSETS`` beside it and one level further up may be opened. None is no folder at all.
+            the folders ``ASSETS`` beside it may be opened. None is no folder at all.
         trusted: Whether every path may be opened. Limits count nevertheless.
         search_paths: More folders that may be opened. Names that lead to no file from their own folder are looked for
             there.
@@ -89,7 +88,7 @@ class FileAccess:
         for folder in () if scene is None else dict.fromkeys((_real(scene.parent), _real(scene).parent)):
             self._allowed.append(folder)
             self._allowed += _package_around(folder)
-            self._above += [above for above in list(folder.parents)[:LEVELS] if above != Path(above.anchor)]
+            self._above.append(folder.parent)
 
     def allow(self, folder: Path) -> None:
         """Let a folder be opened that the user, not a file, has named."""

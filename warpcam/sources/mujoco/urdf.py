@@ -31,23 +31,24 @@ LEAST = 4  # vertices of a mesh
 MARK = "warpcam shape "
 
 
-def load(path: Path, access: FileAccess, packages: Mapping[str, Path] | None = None) -> Any:
+def load(path: Path, access: FileAccess | None = None, packages: Mapping[str, Path] | None = None) -> Any:
     """An MjModel whose visual shapes are drawn, and whose collision shapes are if there are no others.
 
-    Meshes are found by the packages that they name, in the folders above the file and in ``ROS_PACKAGE_PATH``. What the
-    file itself tells MuJoCo's compiler counts. A visual shape that cannot be read is left out with a warning, and its
-    link's collision shapes are drawn in its place.
+    Meshes are found by the packages that they name, in the folders above the file and in ``ROS_PACKAGE_PATH``, as far
+    as ``access``, by default that of ``warpcam.load``, lets them be opened. What the file itself tells MuJoCo's
+    compiler counts. A visual shape that cannot be read is left out with a warning, and its link's collision shapes are
+    drawn in its place.
 
     Raises:
         RefusedError: A file lies outside of what may be opened, or is too large.
         ValueError: MuJoCo cannot read the file, or nothing of it can be drawn.
     """
-    return _compiled(path, access, packages)[1]
+    return _compiled(path, access or FileAccess(path), packages)[1]
 
 
-def load_spec(path: Path, access: FileAccess, packages: Mapping[str, Path] | None = None) -> Any:
+def load_spec(path: Path, access: FileAccess | None = None, packages: Mapping[str, Path] | None = None) -> Any:
     """Return the MjSpec of the model that `load` returns."""
-    return _compiled(path, access, packages)[0]
+    return _compiled(path, access or FileAccess(path), packages)[0]
 
 
 def _compiled(path: Path, access: FileAccess, packages: Mapping[str, Path] | None) -> tuple[Any, Any]:
