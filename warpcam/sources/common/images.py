@@ -53,8 +53,10 @@ def decoded(data: bytes, access: FileAccess, name: str) -> np.ndarray:
     except RefusedError:
         raise
     except Image.DecompressionBombError as error:
+        most = access.limits.image_pixels
         raise RefusedError(
-            f"{name}: {error}; PIL.Image.MAX_IMAGE_PIXELS is the limit of Pillow, which decodes it"
+            f"{name}: {error}: Pillow's own, by PIL.Image.MAX_IMAGE_PIXELS; image_pixels of limits is {most:,}; if "
+            "that is meant, give both, the latter by limits=warpcam.Limits(image_pixels=...)"
         ) from None
     except UnidentifiedImageError:
         raise UnreadableError("its format is not known") from None

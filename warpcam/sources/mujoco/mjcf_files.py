@@ -151,7 +151,7 @@ def _scan(path: Path, folder: Path, access: FileAccess, named: _Named, copies: i
         for name in files:
             if tag.name in ("include", "model"):
                 for place in _places(name, [path.parent, folder], named.folders):
-                    access.check_path(place)
+                    access.check_file(place)
                     if tag.name == "model":
                         named.models += [place] if is_file(place) else []
                     elif is_file(place):

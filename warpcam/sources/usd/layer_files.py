@@ -25,7 +25,7 @@ def check_layers(path: str, access: FileAccess) -> list[Sdf.Layer]:
         RefusedError: One lies outside of what may be opened, or is too large, or a package is no plain one.
     """
     layers: list[Sdf.Layer] = []
-    todo, done = [path], set()
+    todo, done, checked = [path], set(), set()
     context = Ar.DefaultResolverContext([str(folder) for folder in access.search_paths])
     with Ar.ResolverContextBinder(context):
         while todo:
@@ -34,8 +34,8 @@ def check_layers(path: str, access: FileAccess) -> list[Sdf.Layer]:
                 continue
             done.add(identifier)
             outer = outer_file(identifier)
-            if str(outer) not in done:
-                done.add(str(outer))
+            if outer not in checked:
+                checked.add(outer)
                 access.check_file(outer)
                 if outer.suffix.lower() == PACKAGE and is_file(outer):
                     check_package(outer, access)
