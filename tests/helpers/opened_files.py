@@ -1,4 +1,4 @@
-"""Which files are opened, by whatever library: as the system's kernel tells it."""
+"""What is opened: files, by whatever library, as the system's kernel tells it, and what Python's audit events tell."""
 
 import ctypes
 import os
@@ -30,3 +30,30 @@ def opened_files(folder: Path) -> Iterator[set[str]]:
     finally:
         os.close(watch)
     found.discard("")  # the folder itself
+
+
+_wanted: tuple[str, ...] = ()
+_heard: list[str] = []
+
+
+def _hear(event: str, _: object) -> None:
+    if _wanted and event.startswith(_wanted):
+        _heard.append(event)
+
+
+@contextmanager
+def events(prefixes: tuple[str, ...]) -> Iterator[list[str]]:
+    """Names of Python's audit events that begin so."""
+    global _wanted, _installed
+    if not _installed:  # none is ever taken away
+        sys.addaudithook(_hear)
+        _installed = True
+    _heard.clear()
+    _wanted = prefixes
+    try:
+        yield _heard
+    finally:
+        _wanted = ()
+
+
+_installed = False

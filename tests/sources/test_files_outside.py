@@ -1,13 +1,15 @@
 """Files outside of a scene's folder are not opened, whatever names them, unless the user allows it."""
 
+import contextlib
 import gc
 import os
+import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from opened_files import opened_files
+from opened_files import events, opened_files
 from scene_doors import DOORS, Door
 
 import warpcam as wc
@@ -239,10 +241,8 @@ def test_a_pipe_is_not_opened(door: Door, tmp_path: Path) -> None:
     outside.unlink()
     os.mkfifo(outside)
     with opened_files(outside.parent) as opened:
-        try:
+        with contextlib.suppress(wc.WarpcamError):
             wc.load(scene, device="cpu")
-        except wc.WarpcamError:
-            pass
     assert not opened
 
 
@@ -269,3 +269,92 @@ def test_bad_arguments(options: dict[str, object], text: str, tmp_path: Path) ->
     (tmp_path / "it.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(wc.WarpcamError, match=text.replace("(", r"\(")):
         wc.load(tmp_path / "it.obj", device="cpu", **options)  # type: ignore[arg-type]
+
+
+def test_an_image_in_a_package_outside(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    import zipfile
+
+    _, outside = _laid(tmp_path, DOORS["usd-image"], "above")
+    package = outside.with_suffix(".usdz")
+    with zipfile.ZipFile(package, "w") as archive:
+        archive.write(outside, "other.png")
+    scene = DOORS["usd-image"].write(tmp_path / "scene", "../secret/other.usdz[other.png]")
+    with pytest.raises(wc.WarpcamError, match=r"names the file '.*/secret/other\.usdz' outside"):
+        wc.load(scene, device="cpu")
+    assert wc.load(scene, device="cpu", search_paths=[tmp_path / "secret"]).num_worlds == 1
+
+
+@pytest.mark.parametrize(
+    "name", ["http://localhost:9/a", "https://localhost:9/a", "ftp://localhost:9/a", "//localhost/a"]
+)
+def test_addresses_of_the_network_are_no_files(door: Door, name: str, tmp_path: Path) -> None:
+    with events(("socket.", "urllib.", "http.", "ftplib.", "subprocess.", "pickle.")) as heard:
+        with contextlib.suppress(wc.WarpcamError):
+            wc.load(door.write(tmp_path, f"{name}{door.ending}"), device="cpu")
+    assert not heard
+    with events(("socket.",)) as heard:
+        socket.socket().close()
+    assert heard
+
+
+def test_stages_and_builders(tmp_path: Path) -> None:
+    """The arguments of ``from_usd`` and ``add_urdf``, and a stage that the caller has opened."""
+    pytest.importorskip("pxr")
+    newton = pytest.importorskip("newton")
+    from pxr import Usd
+
+    for kind, load in (
+        ("usd-reference", lambda path, **options: wc.from_usd(path, device="cpu", **options)),
+        ("urdf-mesh", lambda path, **options: wc.add_urdf(newton.ModelBuilder(), path, **options)),
+    ):
+        scene, outside = _laid(tmp_path / kind, DOORS[kind], "above")
+        with pytest.raises(wc.WarpcamError, match="outside of the scene's folder"):
+            load(scene)
+        with pytest.raises(wc.WarpcamError, match="file_bytes of limits is 9"):
+            load(scene, trusted=True, limits=wc.Limits(file_bytes=9))
+        load(scene, trusted=True)
+        load(scene, search_paths=[outside.parent])
+    scene, _ = _laid(tmp_path / "stage", DOORS["usd-image"], "above")
+    assert wc.from_usd(Usd.Stage.Open(str(scene)), device="cpu").num_worlds == 1
+
+
+def test_search_paths_are_searched(door: Door, tmp_path: Path) -> None:
+    """A name that leads to no file from the scene's folder."""
+    library, name = tmp_path / "library", f"other{door.ending}"
+    library.mkdir()
+    (tmp_path / "scene").mkdir()
+    scene = door.write(tmp_path / "scene", name)
+    (library / name).write_bytes(door.content)
+    if "include" in scene.read_text("latin-1") or "<model" in scene.read_text("latin-1"):
+        with pytest.raises(wc.WarpcamError, match="MuJoCo cannot read"):  # it alone looks for these
+            wc.load(scene, device="cpu", search_paths=[library])
+        return
+    with opened_files(library) as opened:
+        wc.load(scene, device="cpu", search_paths=[library])
+    assert name in opened
+
+
+def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("trimesh")
+    from warpcam.tools.cli import main
+
+    for number, options in enumerate(([], ["--trusted"], ["--search-path", "secret"])):
+        scene, outside = _laid(tmp_path / str(number), DOORS["obj-mtllib"], "above")
+        options = [str(outside.parent) if option == "secret" else option for option in options]
+        rest = [
+            "--worlds",
+            "1",
+            "--size",
+            "8x8",
+            "--device",
+            "cpu",
+            "--outputs",
+            "depth",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+        with opened_files(outside.parent) as opened:
+            code = main(["render", str(scene), *options, *rest])
+        assert code == (0 if options else 2) and (outside.name in opened) == bool(options)
+        assert options or "--search-path" in capsys.readouterr().err
