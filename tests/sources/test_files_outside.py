@@ -358,3 +358,24 @@ def test_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
             code = main(["render", str(scene), *options, *rest])
         assert code == (0 if options else 2) and (outside.name in opened) == bool(options)
         assert options or "--search-path" in capsys.readouterr().err
+
+
+def test_names_that_usd_looks_for_from_the_stage(tmp_path: Path) -> None:
+    """A layer in a folder names one without a dot, which lies beside the stage."""
+    pytest.importorskip("pxr")
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "other.usda").write_bytes(DOORS["usd-reference"].content)
+    DOORS["usd-reference"].write(tmp_path / "parts", "lib/other.usda").rename(tmp_path / "parts" / "a.usda")
+    text = (
+        (tmp_path / "parts" / "a.usda")
+        .read_text()
+        .replace("(\n    metersPerUnit", '(\n    defaultPrim = "World"\n    metersPerUnit')
+    )
+    (tmp_path / "parts" / "a.usda").write_text(text)
+    scene = DOORS["usd-reference"].write(tmp_path, "./parts/a.usda")
+    with opened_files(tmp_path / "lib") as opened:
+        wc.load(scene, device="cpu")
+    assert opened == {"other.usda"}
+    with pytest.raises(wc.WarpcamError, match=r"'omniverse://a/b\.usd' is an address; open it by pxr"):
+        wc.from_usd("omniverse://a/b.usd")

@@ -174,6 +174,20 @@ def test_models_that_attach_each_other_many_times(tmp_path: Path) -> None:
         wc.load(tmp_path / "0.xml", device="cpu")
 
 
+def test_robots_that_claim_much(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco_warp")
+    path = tmp_path / "it.urdf"
+    link = '<link name="b"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+    for size, limit in (('memory="100G"', "scene_bytes"), ('nuser_body="9999999"', "copies")):
+        path.write_text(f'<robot name="a"><mujoco><size {size}/></mujoco>{link}</robot>')
+        assert "it.urdf: <size>" in _refused(path, limit)
+    newton = pytest.importorskip("newton")
+    (tmp_path / "large.png").write_bytes(claiming_png(10_000, 15_000))
+    robot = DOORS["urdf-image"].write(tmp_path, "large.png")
+    with pytest.raises(wc.WarpcamError, match=r"large\.png has 150,000,000 image pixels"):
+        wc.add_urdf(newton.ModelBuilder(), robot)
+
+
 @pytest.mark.parametrize("door", DOORS)
 def test_bytes_of_files(door: str, tmp_path: Path) -> None:
     _needs(door)

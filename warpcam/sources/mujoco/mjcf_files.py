@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
@@ -158,24 +158,24 @@ def _scan(path: Path, folder: Path, access: FileAccess, named: _Named, copies: i
                         _scan(place, folder, access, named, total, done)
             else:
                 named.files.append((tag.name, name))
-        _check_sizes(tag, f"{path}: <{tag.name}>", access)
+        check_sizes(tag.name, tag.attributes, path, access)
 
 
-def _check_sizes(tag: _Tag, what: str, access: FileAccess) -> None:
-    """Raise ``RefusedError`` if an element has more made than the limits allow."""
-    attributes = tag.attributes
-    if tag.name == "texture":
+def check_sizes(name: str, attributes: Mapping[str, str], path: Path, access: FileAccess) -> None:
+    """Raise ``RefusedError`` if an element of a file has more made than the limits allow."""
+    what = f"{path}: <{name}>"
+    if name == "texture":
         pixels = _whole(attributes.get("width", "0")) * max(_whole(attributes.get("height", "0")), 1)
         access.check("image_pixels", pixels, what)
         access.take(pixels * max(_whole(attributes.get("nchannel", "3")), 1), what)
-    elif tag.name == "hfield":
+    elif name == "hfield":
         access.check("elements", _whole(attributes.get("nrow", "0")) * _whole(attributes.get("ncol", "0")), what)
-    elif tag.name in ("flexcomp", "composite"):
+    elif name in ("flexcomp", "composite"):
         access.check("elements", prod(max(_whole(word), 1) for word in attributes.get("count", "1").split()), what)
-    elif tag.name == "mesh":
+    elif name == "mesh":
         sizes = (max(_whole(word), 1) for word in attributes.get("params", "").split())
         access.check("elements", prod(sizes), what)
-    elif tag.name == "size":
+    elif name == "size":
         for key, value in attributes.items():
             if key == "memory":
                 access.take(_bytes(value), f"{what} memory")

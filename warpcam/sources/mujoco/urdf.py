@@ -144,6 +144,8 @@ class _Robot:
         extension = self._robot.find("mujoco")
         if extension is None:
             extension = ElementTree.SubElement(self._robot, "mujoco")
+        for element in extension.iter():
+            mjcf_files.check_sizes(element.tag, element.attrib, self._path, self._access)
         compiler = extension.find("compiler")
         if compiler is None:
             compiler = ElementTree.SubElement(extension, "compiler")

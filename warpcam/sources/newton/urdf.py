@@ -19,6 +19,7 @@ import trimesh
 
 from warpcam.core.errors import RefusedError, WarpcamError
 from warpcam.core.file_access import FileAccess, Limits, is_file
+from warpcam.sources.common.images import UnreadableError, decoded
 from warpcam.sources.common.plain_xml import root_of
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.robots import meshes
@@ -90,6 +91,7 @@ def add_urdf(
     find_files(robot, path, ".", access, packages)
     _drop_mimics(robot, collector)
     try:
+        _check_textures(robot, access, collector)
         with TemporaryDirectory(prefix="warpcam-") as folder:
             writer = _Writer(robot, Path(folder), collector, standing, access)
             writer.rewrite()
@@ -103,6 +105,18 @@ def add_urdf(
                             source.roughness, source.metallic = part.look.roughness, part.look.metallic
     finally:
         collector.say()
+
+
+def _check_textures(robot: ElementTree.Element, access: FileAccess, collector: WarningCollector) -> None:
+    """Take away textures that Newton, which reads every format and size, is not to read."""
+    for material in [element for element in robot.iter("material") if element.find("texture") is not None]:
+        for texture in material.findall("texture"):
+            name = texture.get("filename", "")
+            try:
+                decoded(access.read(Path(name)), access, name)
+            except (OSError, UnreadableError) as error:
+                collector.warn(f"names a texture that cannot be read ({error})", name)
+                material.remove(texture)
 
 
 def _order(robot: ElementTree.Element) -> None:

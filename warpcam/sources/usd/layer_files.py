@@ -26,8 +26,7 @@ def check_layers(path: str, access: FileAccess) -> list[Sdf.Layer]:
     """
     layers: list[Sdf.Layer] = []
     todo, done, checked = [path], set(), set()
-    context = Ar.DefaultResolverContext([str(folder) for folder in access.search_paths])
-    with Ar.ResolverContextBinder(context):
+    with Ar.ResolverContextBinder(search_context(path, access)):
         while todo:
             identifier = todo.pop()
             if identifier in done:
@@ -49,6 +48,11 @@ def check_layers(path: str, access: FileAccess) -> list[Sdf.Layer]:
             for name in named:
                 todo += _resolved(name, layer, access)
     return layers
+
+
+def search_context(path: str, access: FileAccess) -> Ar.DefaultResolverContext:
+    """Folders in which USD looks for names that begin without a dot: the stage's own, as by default, and more."""
+    return Ar.DefaultResolverContext([str(Path(path).resolve().parent), *map(str, access.search_paths)])
 
 
 def outer_file(path: str) -> Path:

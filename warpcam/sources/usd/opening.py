@@ -5,11 +5,11 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from pxr import Ar, Tf, Usd
+from pxr import Tf, Usd
 
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
-from warpcam.sources.usd.layer_files import check_layers
+from warpcam.sources.usd.layer_files import check_layers, search_context
 
 # Kinds of files by their first bytes, with the endings that USD wants for them.
 KINDS = {
@@ -29,6 +29,8 @@ def opened(path_or_stage: Any, access: FileAccess) -> tuple[Usd.Stage, str]:
     if not isinstance(path_or_stage, str | Path):
         raise WarpcamError(f"path_or_stage must be a path or a pxr.Usd.Stage, got {type(path_or_stage).__name__}")
     path = str(path_or_stage)
+    if "://" in path:
+        raise WarpcamError(f"from_usd: {path!r} is an address; open it by pxr.Usd.Stage.Open, and give the stage")
     if not Path(path).exists():
         raise WarpcamError(f"from_usd: there is no file {path!r}")
     if Path(path).is_dir():
@@ -45,7 +47,7 @@ def open_file(path: str, access: FileAccess) -> Usd.Stage:
     """
     layers = check_layers(path, access)
     try:
-        stage = Usd.Stage.Open(path, Ar.DefaultResolverContext([str(folder) for folder in access.search_paths]))
+        stage = Usd.Stage.Open(path, search_context(path, access))
         del layers  # which the stage keeps
         return stage
     except Tf.ErrorException as error:
