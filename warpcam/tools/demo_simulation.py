@@ -15,14 +15,14 @@ class Simulation:
         states: A ``mujoco.MjData`` for each world.
     """
 
-    def __init__(self, path: Path, num_worlds: int, seed: int, access: FileAccess):
+    def __init__(self, path: Path, num_worlds: int, seed: int, access: FileAccess | None = None):
         """Read the file.
 
         Args:
             path: An .xml, .mjb or .urdf file.
             num_worlds: How many worlds.
             seed: Of the random joint positions.
-            access: What the file may open.
+            access: What the file may open; None is as ``warpcam.load`` has it.
         """
         import mujoco
 
