@@ -112,6 +112,17 @@ def test_a_folder_of_pictures_is_tried_before_all_work(tmp_path: Path, capsys: p
     assert "--out: " in capsys.readouterr().err
 
 
+def test_without_viser_the_command_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setitem(sys.modules, "viser", None)
+    for name in ("warpcam.viewer", "warpcam.tools.view"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with pytest.raises(SystemExit) as end:
+        cli.main(["view", "--help"])
+    assert end.value.code == 0
+    assert cli.main(["view", "--device", "cpu"]) == 2
+    assert "pip install 'warpcam[view]'" in capsys.readouterr().err
+
+
 def test_sensors_of_the_command_are_those_there_are() -> None:
     assert tuple(CAMERA_MODELS) == render.SENSORS
 

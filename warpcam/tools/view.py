@@ -9,7 +9,6 @@ from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import scene_options
 from warpcam.tools.demo_simulation import Simulation
-from warpcam.viewer import Viewer
 
 ABOUT = "look around in a scene, in a browser; MuJoCo simulates what it has read"
 PERIOD = 1.0 / 30.0  # of pictures in a browser [s]
@@ -27,6 +26,8 @@ def add(command: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
+    from warpcam.viewer import Viewer  # which needs viser
+
     width, height, device = scene_options.check(options)
     path, simulation = options.scene or batch_file.DEMO, None
     if path.suffix.lower() in (*formats.USD, *formats.MESHES):
