@@ -1,4 +1,4 @@
-"""No ray slips through a closed mesh: half a million rays at points, edges and vertices, near the origin and far from it.
+"""No ray slips through a closed mesh: half a million rays at points, edges and vertices, near the origin and far off.
 Nor through a cylinder where its cap and its side meet, nor through a height field where its base and its sides do.
 
 One world a ray, with a camera of one pixel. The meshes are looked at from the inside (wound to face inwards, so that
