@@ -17,10 +17,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import warpcam
 from warpcam import visualize
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common import formats
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import scene_options
+from warpcam.tools import scene_access, scene_options
 
 ABOUT = "render a scene in many worlds and save pictures"
 FREE_CAMERA = "free"
@@ -73,10 +74,10 @@ def run(options: argparse.Namespace) -> int:
         steps = progress.add_task("reading the scene", total=4)
         path, host, still = options.scene or batch_file.DEMO, None, None
         if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-            scene = warpcam.load(path, options.worlds, device=device)
+            scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
             progress.update(steps, description="building and compiling", advance=1)
         else:
-            host, scene, still = _still_worlds(path, options.worlds, options.seed, device)
+            host, scene, still = _still_worlds(path, options, device)
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
@@ -116,11 +117,12 @@ def _check_folder(folder: Path) -> None:
         raise WarpcamError(f"--out: {str(folder)!r} cannot be written, as {str(there)!r} cannot; give another folder")
 
 
-def _still_worlds(path: Path, num_worlds: int, seed: int, device: wp.Device) -> tuple[Any, Any, Any]:
+def _still_worlds(path: Path, options: argparse.Namespace, device: wp.Device) -> tuple[Any, Any, Any]:
     """The model of a file, the scene of worlds with joints at random, and its source."""
     os.environ.setdefault("MUJOCO_GL", "disable")  # MuJoCo imports a library of windows otherwise, for nothing here
-    host, state = batch_file.read(path)
-    positions = batch_file.joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed)
+    access = FileAccess(path, **scene_access.options_of(options))
+    host, state = batch_file.read(path, access=access)
+    positions = batch_file.joint_positions(host, state.qpos, num_worlds=options.worlds, seed=options.seed)
     return host, *import_source("mujoco.still").load(host, state, positions, device)
 
 
