@@ -18,10 +18,10 @@ LISTED_BYTES = 140  # of its shared memory for each shape of a list with meshes:
 BESIDE = 16  # up to so many shapes there are two lists: shadow/shadow_pass.h, lights_per_batch
 CASTER_BOUNDS_BYTES = 16  # more where meshes have outlines: shadow/casters.h, CasterList::OUTLINED
 REST_BYTES = 3400  # what else a block has, and what is reserved for it
-SURVEY_BYTES = 2600  # more with the longest list: shadow/receivers.h, AskingTiles, and shadow/near_casters.h, NearPlaces
 # and for the rays of a warp, also for each 32 shapes: shadow/mesh_any_hit.h, ShadowRays
 WALKED_BYTES, WORD_BYTES = 3232, 256
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
+SURVEY_BYTES = 2600  # more with the longest list: shadow/receivers.h, AskingTiles, near_casters.h, NearPlaces
 CAPACITIES = (16, 32, 64, 128, 160)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CPU_CAPACITIES = (64, 192)  # the same on a CPU, whose kernels take no longer with room to spare
 MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
