@@ -20,7 +20,6 @@ from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import (
     Background,
     HeightFields,
-    Lights,
     Materials,
     Meshes,
     Physical,
@@ -32,7 +31,7 @@ from warpcam.kernels.types import (
 IMAGES = ("rgb", "rgba", "hdr")
 THREADS = 64  # of a CUDA block: paths are long or short, and a block waits for its longest
 SHAPE_ROWS = 6  # PATH_SHAPE_ROWS of native/path/path_shapes.h
-HEAD = 3  # FIRST_LAMP there
+HEAD = 4  # FIRST_LAMP there
 
 
 @wp.struct
@@ -49,7 +48,10 @@ class PathFrame:
     most_bounces: wp.int32
     albedo: wp.array(dtype=wp.float32)  # build/facet_albedo.py, flat
     rows: wp.array2d(dtype=wp.vec4)  # (world, row) the shapes: native/path/path_shapes.h
-    heads: wp.array2d(dtype=wp.int32)  # (world, HEAD + light) how many of them and of lights there are, and which
+    # (world, HEAD + light + shape) how many of them, of lights and of shapes that shine there are, and which
+    heads: wp.array2d(dtype=wp.int32)
+    face_starts: wp.array(dtype=wp.int32)  # (mesh + 1,) where the faces of each begin in `faces`; empty: none shines
+    faces: wp.array(dtype=wp.int32)  # (face,) its row / 3 in the mesh's part of Meshes.faces
     seeds: wp.array(dtype=wp.int32)  # (world,)
     begun: wp.array(dtype=wp.int32)  # (world,) paths of each pixel before this launch
     wanted: wp.array(dtype=wp.int32)  # (world,) and those that it adds
@@ -86,13 +88,13 @@ def _list_kernel(types: SceneTypes, blocks: int) -> wp.Kernel:
         "list_path_shapes",
         "warpcam::count_paths(frame, samples, more, fresh, index);"
         f"warpcam::list_path_shapes<{types.native}>"
-        "(frame, shapes, casters, materials, lights, meshes, fields, views, index);",
+        "(frame, shapes, casters, materials, physical, meshes, fields, views, index);",
         {
             "frame": PathFrame,
             "shapes": Shapes,
             "casters": Shapes,
             "materials": Materials,
-            "lights": Lights,
+            "physical": Physical,
             "meshes": Meshes,
             "fields": HeightFields,
             "views": wp.array(dtype=View),
@@ -100,7 +102,7 @@ def _list_kernel(types: SceneTypes, blocks: int) -> wp.Kernel:
             "more": wp.array(dtype=wp.int32),
             "fresh": wp.int32,
         },
-        native_module("path/path_shapes.h"),
+        native_module("path/path_lists.h"),
         (THREADS, blocks),
     )
 
@@ -144,7 +146,7 @@ def bind_list(planned: PlannedPass[PathListKey], frame: CameraFrame, fresh: bool
     """Bind the stage that lists shapes; ``fresh``: a frame begins, and what was added up is forgotten."""
     tables, paths = frame.tables, frame.paths
     casters = tables.shapes if tables.casters is None else tables.casters
-    arguments = [_frame(frame), tables.shapes, casters, tables.materials, tables.lights, tables.meshes]
+    arguments = [_frame(frame), tables.shapes, casters, tables.materials, tables.physical, tables.meshes]
     arguments += [tables.height_fields, frame.views, paths.samples, paths.more, int(fresh)]
     return frame.launch(planned, _list_kernel(planned.key.types, planned.key.blocks), arguments, THREADS)
 

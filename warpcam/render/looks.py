@@ -1,10 +1,14 @@
 """Looks of a scene: how its lit images are made."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.types import Lights, Physical
 from warpcam.render.paths import PathOptions, check_whole
 from warpcam.scene.scene import Scene
 
@@ -33,8 +37,34 @@ class Look:
         if self.traces_paths and scene.tables().splats is not None:
             raise WarpcamError("Renderer: look='path' draws no clouds of Gaussians, which this scene has")
         self.options = (options or PathOptions()) if self.traces_paths else None  # of paths
-        if self.name not in (own, "path") or (self.traces_paths and own == "mujoco"):
-            raise WarpcamError(f"Renderer: look is {self.name!r}, which a scene whose own is {own!r} has not")
+        self._parts, self._device = scene.description(), scene.device
+        if self.name != own and "mujoco" == self.name:
+            raise WarpcamError("Renderer: look='mujoco' is of scenes of MuJoCo alone, this one's own is 'pbr'")
+        if own == "mujoco" and self.name != own and self._parts.as_physical is None:
+            raise WarpcamError(
+                f"Renderer: look is {self.name!r}, for which this scene has no materials; its own is {own!r}"
+            )
+        self._arrays: Mapping[str, wp.array] | None = None
+
+    def tables(self, tables: SceneTables) -> SceneTables:
+        """The scene's tables as this look takes them."""
+        if self.name == "mujoco" or tables.physical is not None or self._parts.as_physical is None:
+            return tables
+        if self._arrays is None:
+            self._arrays = self._parts.as_physical(self._device)
+        if self._arrays["roughness"].shape[1] != tables.materials.color.shape[1]:
+            raise WarpcamError(f"Renderer: look is {self.name!r}, which scenes that mjv_updateScene fills have not")
+        physical: Any = Physical()
+        for name, array in self._arrays.items():
+            setattr(physical, name, array)
+        lights: Any = Lights()
+        lights.assign(tables.lights)
+        lights.specular = lights.diffuse
+        physical.plain = lights
+        layers = tables.layers
+        if layers is not None:  # neither mirrors nor haze are of this look
+            layers = replace(layers, mirrors=layers.mirrors[:0], haze=None)
+        return replace(tables, physical=physical, has_maps=self._parts.maps, layers=layers, horizon=0.0)
 
     def paths(self, device: wp.Device) -> tuple[PathOptions, wp.array] | None:
         """Options of paths and int32, (1,): how many ``accumulate`` adds; None where no paths are traced."""

@@ -72,8 +72,8 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
             little free: that is the renderer's to say.
     """
     by_key = check_cameras(scene, cameras)
-    paths = Look(look, None, scene).traces_paths
-    tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
+    own = Look(look, None, scene)
+    paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
     plans = {

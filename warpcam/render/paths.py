@@ -1,5 +1,6 @@
 """Options of the path tracer, and what a camera keeps of its paths from frame to frame."""
 
+import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from warpcam.core.seeds import seeds_of
 from warpcam.kernels.build.facet_albedo import facet_albedo
 from warpcam.kernels.passes.paths import HEAD, SHAPE_ROWS, PathArrays, PathFrame
 from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.types import MESH
 
 MOST = 2**30  # of samples and bounces
 
@@ -44,17 +46,40 @@ def check_whole(what: str, value: Any, least: int) -> int:
     return int(value)
 
 
-def _shape_rows(tables: SceneTables) -> int:
-    """Rows of a world's list of shapes: those that the camera sees, and those that cast shadows."""
+def _num_shapes(tables: SceneTables) -> int:
+    """Shapes that a world's list has room for: those that the camera sees, and those that cast shadows."""
     casters = 0 if tables.casters is None else tables.casters.drawn.size
-    return SHAPE_ROWS * max(tables.num_drawn, casters, 1)
+    return max(tables.num_drawn, casters, 1)
+
+
+def _emitting_faces(tables: SceneTables) -> tuple[np.ndarray, np.ndarray]:
+    """Faces of all meshes, each once, if some material shines.
+
+    Returns:
+        Where those of each mesh begin, (mesh + 1,), and their rows / 3 in the mesh's part of ``Meshes.faces``, int32.
+    """
+    none = np.zeros(0, np.int32)
+    meshes = tables.meshes
+    if (
+        MESH not in tables.shape_types
+        or not tables.physical.emissive.size
+        or not tables.physical.emissive.numpy().any()
+    ):
+        return none, none
+    first = meshes.faces.numpy().reshape(-1, 3, 4)[:, 0, 3].view(np.int32)
+    starts = meshes.face_start.numpy() // 3
+    rows = [
+        np.unique(first[start:end], return_index=True)[1]
+        for start, end in itertools.pairwise([*starts.tolist(), len(first)])
+    ]
+    return np.cumsum([0, *map(len, rows)]).astype(np.int32), np.concatenate(rows).astype(np.int32)
 
 
 def path_bytes(tables: SceneTables, pixels: int) -> int:
     """Bytes of what a camera of so many pixels keeps of its paths in all worlds."""
-    vectors, numbers = _shape_rows(tables) + pixels, HEAD + tables.num_lights + 3
+    vectors, numbers = SHAPE_ROWS * _num_shapes(tables) + pixels, HEAD + tables.num_lights + _num_shapes(tables) + 3
     each = vectors * wp.types.type_size_in_bytes(wp.vec4) + numbers * wp.types.type_size_in_bytes(wp.int32)
-    return tables.num_worlds * each + facet_albedo().nbytes
+    return tables.num_worlds * each + facet_albedo().nbytes + sum(rows.nbytes for rows in _emitting_faces(tables))
 
 
 def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.array, device: wp.Device) -> PathArrays:
@@ -71,8 +96,9 @@ def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.
     frame: Any = PathFrame()
     frame.most_bounces = MOST if options.bounces is None else options.bounces
     frame.albedo = wp.array(facet_albedo().ravel(), dtype=wp.float32, device=device)
-    frame.rows = wp.zeros((worlds, _shape_rows(tables)), dtype=wp.vec4, device=device)
-    frame.heads = wp.zeros((worlds, HEAD + tables.num_lights), dtype=wp.int32, device=device)
+    frame.rows = wp.zeros((worlds, SHAPE_ROWS * _num_shapes(tables)), dtype=wp.vec4, device=device)
+    frame.heads = wp.zeros((worlds, HEAD + tables.num_lights + _num_shapes(tables)), dtype=wp.int32, device=device)
+    frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
     frame.seeds = seeds_of(options.seed, "PathOptions", worlds, device)
     frame.begun, frame.wanted = (wp.zeros(worlds, dtype=wp.int32, device=device) for _ in range(2))
     frame.sums = wp.zeros(worlds * pixels, dtype=wp.vec4, device=device)

@@ -91,7 +91,7 @@ class Renderer:
         self.memory = estimate_memory(scene, cameras, look=look)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
-        tables = scene.tables()
+        tables = self._look.tables(scene.tables())
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         paths = self._look.paths(scene.device)
         self._passes = {
@@ -120,7 +120,7 @@ class Renderer:
         self._is_checked = False  # the first frame's faults have been told
         self._has_drawn = False
         with building:
-            self._bind(tables)
+            self._bind(scene.tables())
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
         """Render the state as it is now.
@@ -263,8 +263,9 @@ class Renderer:
             raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
         return camera
 
-    def _bind(self, tables: SceneTables) -> None:
+    def _bind(self, scene_tables: SceneTables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
+        tables = self._look.tables(scene_tables)
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         self._plans: dict[str | int, list[FramePlan]] = {key: [] for key in self._cameras}
         known = None
@@ -306,7 +307,7 @@ class Renderer:
             self._forget.prepare()
         recorded = (stage for frame in self._recording().frames.values() for stage in frame.stages)
         prepare([*recorded, *self._adding])
-        self._tables = tables
+        self._tables = scene_tables
 
     def _head(self, everything: bool) -> Sequence[Stage]:
         """Stages of a subclass before a frame's views; until then the mask says nothing of ``everything``."""

@@ -14,6 +14,7 @@ struct PathSurface {
     Vec3 normal;   // unit, towards where the ray comes from, smooth and as a map tilts it
     SurfaceMaterial material;
     float alpha;   // opacity
+    float transmission;  // share of what is not reflected that goes through
     float margin;  // by which a ray from here is moved off the surface [m]
     bool front;    // the ray comes from outside
 };
@@ -79,6 +80,8 @@ WARPCAM_NOINLINE void find_path_surface(const Scene_& scene, const Camera& hub, 
     normal = found.front ? normal : -normal;
     found.normal = dot(normal, back) > 1.0e-3f ? normal : facing;
     found.alpha = path_opacity<Types, FLAGS>(look, scene, surface, along, world, hit.shape);
+    const int index = material_of(scene.shapes, scene.materials, world, hit.shape);
+    found.transmission = index < 0 ? 0.0f : saturate(per_world(scene.physical.transmission, world, index));
     const float radius = as_float(load(rows, PATH_SHAPE_ROWS * hit.slot).w);
     const Vec3 p = found.point;
     found.margin = 2.0e-6f * (abs(p.x) + abs(p.y) + abs(p.z) + (radius < MISS ? 2.0f * radius : 0.0f));

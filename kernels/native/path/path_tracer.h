@@ -5,144 +5,64 @@
 // a path has little left to give it ends by Russian roulette.
 #pragma once
 #include "path/camera_path.h"
-#include "path/lamps.h"
+#include "path/path_lights.h"
 #include "path/path_sky.h"
-#include "path/path_surface.h"
-#include "path/random.h"
-#include "path/reflection.h"
 
 namespace warpcam {
 
 constexpr int SURE_BOUNCES = 3;  // before roulette
 constexpr float MOST_LIKELY = 0.95f;  // to go on
 
-WARPCAM_DEVICE float power_heuristic(float own, float other)
-{
-    return own * own / max(own * own + other * other, MIN_NORMAL);
-}
-
-// The last place where a path was scattered.
-struct Scattering {
-    Vec3 point;
-    ReflectedParts parts;  // what of light from the drawn direction arrives at the eye
-    float density;  // of the direction [1/sr]; 0: lights cannot be drawn there
-};
-
-template <class Types, int FLAGS, class Scene_> struct PathTracer {
+template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<Types, FLAGS, Scene_> {
+    using Lights_ = PathLights<Types, FLAGS, Scene_>;
+    using Lights_::convex_of, Lights_::drawn_light, Lights_::go_through, Lights_::met_lamps, Lights_::trace;
+    using Lights_::scene, Lights_::camera, Lights_::hub, Lights_::world, Lights_::rows, Lights_::head, Lights_::random;
+    using Lights_::weight_of_met;
     static constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
 
-    const Scene_& scene;
-    Camera camera, hub;
-    int world;
-    const Float3Int* rows;
-    const int* head;
-    RandomSource random;
-
-    WARPCAM_DEVICE bool headlit() const { return headlight_shines(scene.physical.plain); }
-    WARPCAM_DEVICE int num_lamps() const { return head[NUM_LAMPS] + headlit(); }
-
-    // A light, the headlight after all others.
-    WARPCAM_DEVICE AreaLight lamp_at(int number) const
+    // Roulette: false where the path ends; what goes on stands for what does not.
+    WARPCAM_DEVICE bool survives(Vec3& throughput)
     {
-        if (number < head[NUM_LAMPS])
-            return load_area_light<true>(scene.physical, hub, world, head[FIRST_LAMP + number], 0);
-        AreaLight lamp {};
-        const Mat3& turn = camera.rotation;
-        const int first = headlight_of<FLAGS>(world);
-        const auto& colors = scene.physical.plain.headlight;
-        lamp.place = { turn.at[0][2], turn.at[1][2], turn.at[2][2], 0 };
-        lamp.diffuse = make_float3_int(as_vec3(wp::index(colors, first + 1)), 0);
-        lamp.specular = make_float3_int(as_vec3(wp::index(colors, first + 2)), 0);
-        return lamp;
+        const float likely = min(max(max(throughput.x, throughput.y), throughput.z), MOST_LIKELY);
+        if (!(random.next().x < likely))
+            return false;
+        throughput = 1.0f / likely * throughput;
+        return true;
     }
 
-    WARPCAM_DEVICE static Vec3 colored(const AreaLight& lamp, const ReflectedParts& parts)
+    // Goes on at the border of a clear material; false where no light comes from there.
+    WARPCAM_DEVICE bool cross_at(const PathSurface& surface, const PathHit& hit, bool inside, Random4 drawn,
+                                 Vec3& throughput, PathRay& ray, PathQuery& query) const
     {
-        return mul(parts.matt, as_vec3(lamp.diffuse)) + mul(parts.gloss, as_vec3(lamp.specular));
-    }
-
-    WARPCAM_DEVICE PathHit trace(const PathRay& ray, const PathQuery& query) const
-    {
-        return trace_path<Types>(rows, head[NUM_SHAPES], scene.meshes, scene.fields, ray, query);
-    }
-
-    WARPCAM_DEVICE int convex_of(int shape) const
-    {
-        const int type = wp::index(scene.shapes.types, shape);
-        return type == MESH || type == HEIGHT_FIELD ? -1 : shape;
-    }
-
-    // Light that nothing holds up; what is partly transparent does so by chance.
-    WARPCAM_DEVICE bool reaches(PathRay ray, PathQuery query)
-    {
-        query.any = !(FLAGS & HAS_TRANSPARENT);
-        while (true) {
-            const PathHit hit = trace(ray, query);
-            if (hit.slot < 0)
-                return true;
-            if constexpr (!(FLAGS & HAS_TRANSPARENT))
-                return false;
-            PathSurface met;
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, met);
-            if (random.next().x < met.alpha)
-                return false;
-            go_through(met, hit, ray, query);
-        }
-    }
-
-    // Behind what it went through.
-    WARPCAM_DEVICE void go_through(const PathSurface& met, const PathHit& hit, PathRay& ray, PathQuery& query) const
-    {
-        ray.point = met.point + met.margin * ray.direction;
-        query.far -= hit.t + met.margin;
-        query.convex = convex_of(hit.shape);
-    }
-
-    // Light of one lamp at a surface, of all that arrives from lamps on average.
-    WARPCAM_DEVICE Vec3 lamp_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, float share,
-                                   const PathQuery& from)
-    {
-        const Vec3 none { 0.0f, 0.0f, 0.0f };
-        const int count = num_lamps();
-        if (count == 0)
-            return none;
-        const Random4 drawn = random.next();
-        const AreaLight lamp = lamp_at(min(int(drawn.x * float(count)), count - 1));
-        const LampSample sample = draw_lamp(lamp, surface.point, drawn.y, drawn.z);
         const Vec3 facing = surface.front ? surface.outward : -surface.outward;
-        const float cosine = dot(surface.normal, sample.direction);
-        if (!(sample.weight > 0.0f && cosine > 0.0f && dot(facing, sample.direction) > 0.0f))
-            return none;
-        const ReflectedParts parts = reflector.value(surface.normal, to_eye, sample.direction);
-        const Vec3 light = cosine * sample.weight * float(count) * colored(lamp, parts);
-        if (!(light.x + light.y + light.z > 0.0f))
-            return none;
-        PathQuery query = from;
-        query.far = sample.distance;
-        const PathRay ray { surface.point + surface.margin * facing, sample.direction };
-        if ((lamp.diffuse.w & CASTS) && !reaches(ray, query))
-            return none;
-        const float other = reflector.density(surface.normal, to_eye, sample.direction, share);
-        const float own = sample.density / float(count);
-        return (sample.density > 0.0f ? power_heuristic(own, other) : 1.0f) * light;
+        const bool thin = wp::index(scene.shapes.types, hit.shape) == PLANE;
+        const float index = refractive_index(surface.material.reflectance);
+        const BorderStep step = cross_border(surface.normal, -ray.direction, inside ? 1.0f / index : index,
+                                             surface.material.roughness, thin, drawn);
+        const float side = dot(step.direction, facing);
+        if (!(step.weight > 0.0f) || (step.through ? side >= 0.0f : side <= 0.0f))
+            return false;
+        throughput = step.weight * throughput;
+        if (step.through) {  // each of two borders takes its part of the colour
+            const Vec3 color = surface.material.color;
+            const Vec3 part { wp::sqrt(max(color.x, 0.0f)), wp::sqrt(max(color.y, 0.0f)),
+                              wp::sqrt(max(color.z, 0.0f)) };
+            throughput = mul(throughput, thin ? color : part);
+        }
+        const int within = step.through && !thin ? (inside ? -1 : hit.shape) : query.inside;
+        ray = { surface.point + (step.through ? -surface.margin : surface.margin) * facing, step.direction };
+        query = { MAX_RAY_T, false, scene.frame.backs != 0, false, convex_of(hit.shape), within };
+        return true;
     }
 
-    // Light of the lamps that a drawn ray meets before `far` from where it was drawn.
-    WARPCAM_DEVICE Vec3 met_lamps(const Scattering& last, Vec3 direction, float far) const
+    // Light from all around, with what lights give to it.
+    WARPCAM_DEVICE Vec3 sky(Vec3 direction) const
     {
-        Vec3 sum { 0.0f, 0.0f, 0.0f };
-        const int count = head[NUM_LAMPS];
-        for (int number = 0; number < count; ++number) {
-            const AreaLight lamp = lamp_at(number);
-            const LampMeeting met = meet_lamp(lamp, last.point, direction);
-            if (!(met.distance < MISS) || ((lamp.diffuse.w & CASTS) && met.distance > far))
-                continue;
-            const float strength = is_distant(lamp) ? 1.0f / lamp.size.x : share_of_cone(lamp, direction);
-            const float other = met.density / float(num_lamps());
-            const float weight = last.density > 0.0f ? power_heuristic(last.density, other) : 1.0f;
-            sum = sum + weight * strength * colored(lamp, last.parts);
-        }
-        return sum;
+        Vec3 light = path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world), world,
+                                     headlight_of<FLAGS>(world), direction);
+        for (int number = 0; number < head[NUM_LAMPS]; ++number)
+            light = light + as_vec3(per_world(scene.physical.plain.ambient, world, head[FIRST_LAMP + number]));
+        return light;
     }
 
     // Radiance of one path, and whether it saw a surface.
@@ -163,14 +83,12 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer {
             if (bounce > 0)
                 sum = sum + met_lamps(last, ray.direction, hit.slot < 0 ? MAX_RAY_T : travelled + hit.t);
             if (hit.slot < 0) {
-                const Vec3 light =
-                    bounce == 0 ? background<LENS>(i, j, from)
-                                : path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world),
-                                                  world, headlight_of<FLAGS>(world), ray.direction);
+                const Vec3 light = bounce == 0 ? background<LENS>(i, j, from) : sky(ray.direction);
                 return sum + mul(throughput, light);
             }
             PathSurface surface;
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, surface);
+            const bool inside = hit.shape == query.inside;
+            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
             travelled += hit.t;
             if ((FLAGS & HAS_TRANSPARENT) && surface.alpha < 1.0f && random.next().x >= surface.alpha) {
                 go_through(surface, hit, ray, query);
@@ -184,15 +102,28 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer {
                 material.color = { 0.0f, 0.0f, 0.0f };
                 material.reflectance = 0.0f;
             }
-            sum = sum + mul(throughput, material.emission);
+            if (material.emission.x + material.emission.y + material.emission.z > 0.0f)
+                sum = sum + weight_of_met(last, surface, hit) * mul(throughput, material.emission);
             if (bounce >= scene.frame.most_bounces)
                 return sum;
             const Vec3 to_eye = -ray.direction, facing = surface.front ? surface.outward : -surface.outward;
+            if (surface.transmission > 0.0f) {
+                const Random4 drawn = random.next();
+                if (drawn.w < surface.transmission) {
+                    if (!cross_at(surface, hit, inside, drawn, throughput, ray, query))
+                        return sum;
+                    if (++bounce >= SURE_BOUNCES && !survives(throughput))
+                        return sum;
+                    last = { surface.point, { { 0.0f, 0.0f, 0.0f }, throughput }, 0.0f };
+                    travelled = 0.0f;
+                    continue;
+                }
+            }
             const Reflector reflector(material.color, material.roughness, material.metallic, material.reflectance,
                                       AlbedoTable { scene.frame.albedo.data });
             const float share = reflector.facet_share(dot(surface.normal, to_eye));
-            query = { MAX_RAY_T, false, scene.frame.backs != 0, false, convex_of(hit.shape), -1 };
-            sum = sum + mul(throughput, lamp_light(surface, reflector, to_eye, share, query));
+            query = { MAX_RAY_T, false, scene.frame.backs != 0, false, convex_of(hit.shape), query.inside };
+            sum = sum + mul(throughput, drawn_light(surface, reflector, to_eye, share, query));
 
             const Random4 drawn = random.next();
             const Vec3 direction =
@@ -206,16 +137,11 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer {
                      { mul(throughput, rate * parts.matt), mul(throughput, rate * parts.gloss) },
                      density };
             throughput = last.parts.matt + last.parts.gloss;
-            const float left = max(max(throughput.x, throughput.y), throughput.z);
-            if (++bounce >= SURE_BOUNCES) {
-                const float likely = min(left, MOST_LIKELY);
-                if (!(drawn.w < likely))
-                    return sum;
-                throughput = 1.0f / likely * throughput;
-                last.parts = { 1.0f / likely * last.parts.matt, 1.0f / likely * last.parts.gloss };
-            } else if (!(left > 0.0f)) {
+            const float before = throughput.x + throughput.y + throughput.z;
+            if (!(before > 0.0f) || (++bounce >= SURE_BOUNCES && !survives(throughput)))
                 return sum;
-            }
+            const float raised = (throughput.x + throughput.y + throughput.z) / before;
+            last.parts = { raised * last.parts.matt, raised * last.parts.gloss };
             ray = { surface.point + surface.margin * facing, direction };
             travelled = 0.0f;
         }
@@ -250,7 +176,7 @@ WARPCAM_DEVICE void trace_paths(const Scene_& scene, const Views& views, int ind
         return;
     const int j = pixel / frame.width, i = pixel - j * frame.width;
     const Camera camera = load_camera(wp::index(views, world));
-    PathTracer<Types, FLAGS, Scene_> tracer {
+    PathTracer<Types, FLAGS, Scene_> tracer { {
         scene,
         camera,
         upright(camera),
@@ -258,7 +184,7 @@ WARPCAM_DEVICE void trace_paths(const Scene_& scene, const Views& views, int ind
         reinterpret_cast<const Float3Int*>(wp::address(frame.rows, world, 0)),
         wp::address(frame.heads, world, 0),
         {},
-    };
+    } };
     const int first = wp::index(frame.begun, world), count = wp::index(frame.wanted, world);
     Vec3 sum { 0.0f, 0.0f, 0.0f };
     float seen = 0.0f;

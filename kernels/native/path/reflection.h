@@ -44,6 +44,17 @@ private:
     }
 };
 
+// The normal of a facet, drawn as the eye sees them, about +z (Dupuy and Benyoub, "Sampling Visible GGX Normals with
+// Spherical Caps", 2023).
+WARPCAM_DEVICE Vec3 visible_facet(Vec3 eye, float alpha, float u, float v)
+{
+    const Vec3 bent = normalized(Vec3 { alpha * eye.x, alpha * eye.y, eye.z });
+    const Float2 turn = on_circle(u);
+    const float z = (1.0f - v) * (1.0f + bent.z) - bent.z, radius = wp::sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
+    const Vec3 sum = Vec3 { radius * turn.x, radius * turn.y, z } + bent;
+    return normalized(Vec3 { alpha * sum.x, alpha * sum.y, max(sum.z, 0.0f) });
+}
+
 // Reflected by the base, and by the facets.
 struct ReflectedParts {
     Vec3 matt, gloss;
@@ -115,18 +126,12 @@ struct Reflector {
         return share * visible + (1.0f - share) * light * (1.0f / PI);
     }
 
-    // Draws a direction to the light; below the surface where a facet reflects there. Facets are drawn as they are seen
-    // (Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023).
+    // Draws a direction to the light; below the surface where a facet reflects there.
     WARPCAM_DEVICE Vec3 sample(const FrameAxes& axes, Vec3 to_eye, float share, float choice, float u, float v) const
     {
         if (choice >= share)
             return axes.world(cosine_direction(u, v));
-        const float alpha = wp::sqrt(facets.square);
-        const Vec3 eye = axes.local(to_eye), bent = normalized(Vec3 { alpha * eye.x, alpha * eye.y, eye.z });
-        const Float2 turn = on_circle(u);
-        const float z = (1.0f - v) * (1.0f + bent.z) - bent.z, radius = wp::sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
-        const Vec3 sum = Vec3 { radius * turn.x, radius * turn.y, z } + bent;
-        const Vec3 half = normalized(Vec3 { alpha * sum.x, alpha * sum.y, max(sum.z, 0.0f) });
+        const Vec3 eye = axes.local(to_eye), half = visible_facet(eye, wp::sqrt(facets.square), u, v);
         return axes.world(2.0f * dot(eye, half) * half - eye);
     }
 
