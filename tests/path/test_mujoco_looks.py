@@ -78,6 +78,24 @@ def test_the_skybox_is_the_sky(device: wp.Device) -> None:
         np.testing.assert_allclose(image.mean(axis=(0, 1)), wanted, rtol=0.02)
 
 
+@pytest.mark.parametrize("look", ["pbr", "path"])
+@pytest.mark.parametrize("size", ["0 0 1", "5 5 1"])
+def test_mirrors_and_haze_are_none(look: str, size: str, device: wp.Device) -> None:
+    """What they would reflect or fade to is not drawn; what is transparent is."""
+    model = """<mujoco><visual><headlight ambient="0.5 0.5 0.5" diffuse="0 0 0"/></visual>
+      <asset><material name="m" reflectance="1" specular="0" rgba="1 1 1 1"/>
+        <texture type="skybox" builtin="flat" rgb1="0 0 0" rgb2="0 0 0" width="8" height="48"/></asset>
+      <worldbody><geom type="plane" size="{}" material="m"/><geom size="0.5" pos="0 0 1" rgba="0 0 0 0.5"/>
+        <camera name="c" pos="0 0 4"/></worldbody></mujoco>"""
+    mjm = mujoco.MjModel.from_xml_string(model.format(size))
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    image = seen(wc.from_mujoco(mjm, mjd, device=device), look)
+    floor, through = image[0, 0].mean(), image[7:9, 7:9].mean()
+    assert floor == pytest.approx(0.5, rel=0.1)
+    assert 0.2 * floor < through < 0.75 * floor
+
+
 def test_a_scene_of_usd_has_not_the_look_of_mujoco(stage: Any, device: wp.Device) -> None:
     from pxr import UsdGeom
 

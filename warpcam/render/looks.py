@@ -63,7 +63,7 @@ class Look:
         physical.plain = lights
         layers = tables.layers
         if layers is not None:  # neither mirrors nor haze are of this look
-            layers = replace(layers, mirrors=layers.mirrors[:0], haze=None)
+            layers = replace(layers, mirrors=wp.empty(0, dtype=wp.int32, device=self._device), haze=None)
         return replace(tables, physical=physical, has_maps=self._parts.maps, layers=layers, horizon=0.0)
 
     def paths(self, device: wp.Device) -> tuple[PathOptions, wp.array] | None:

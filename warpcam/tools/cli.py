@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import numpy as np
 import warp as wp
@@ -22,6 +22,8 @@ from warpcam.benchmarks import run
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.datasets.trajectories import replay_options as replays
+from warpcam.render.looks import LookName
+from warpcam.render.paths import PathOptions
 from warpcam.sensors.depth_cameras import CAMERA_MODELS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
@@ -77,6 +79,15 @@ def _parser() -> argparse.ArgumentParser:
         choices=tuple(CAMERA_MODELS),
         metavar="NAME",
         help=f"measure depth as this camera does: {', '.join(CAMERA_MODELS)} (default: the truth)",
+    )
+    render.add_argument(
+        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
+    )
+    render.add_argument(
+        "--samples",
+        type=int,
+        metavar="N",
+        help=f"paths of each pixel with --look path (default: {PathOptions.samples})",
     )
     render.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
@@ -194,16 +205,19 @@ def _render(options: argparse.Namespace) -> int:
         raise WarpcamError(
             f"--sensor: {options.sensor} measures depth, which --outputs must have, got {options.outputs}"
         )
+    if options.samples is not None and options.look != "path":
+        raise WarpcamError("--samples: it is of --look path alone")
+    paths = None if options.samples is None else PathOptions(samples=options.samples)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
-        path, host, put = options.scene or batch_file.DEMO, None, None
-        if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-            scene = warpcam.load(path, options.worlds, device=device)
+        file, host, put = options.scene or batch_file.DEMO, None, None
+        if file.suffix.lower() in (*formats.USD, *formats.MESHES):
+            scene = warpcam.load(file, options.worlds, device=device)
             progress.update(steps, description="building and compiling", advance=1)
         else:
-            put = batch_file.load(path, num_worlds=options.worlds, seed=options.seed, device=device)
+            put = batch_file.load(file, num_worlds=options.worlds, seed=options.seed, device=device)
             progress.update(steps, description="building and compiling", advance=1)
             scene, host = warpcam.from_mujoco_warp(put.host, put.model, put.data), put.host
         model = CAMERA_MODELS[options.sensor]() if options.sensor else None
@@ -212,7 +226,7 @@ def _render(options: argparse.Namespace) -> int:
             warpcam.Camera(name, width=width, height=height, outputs=drawn, shadows=True, **pose)
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        renderer = warpcam.Renderer(scene, cameras)
+        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
         rig = (
             None
             if model is None
