@@ -52,6 +52,9 @@ class PathFrame:
     heads: wp.array2d(dtype=wp.int32)
     face_starts: wp.array(dtype=wp.int32)  # (mesh + 1,) where the faces of each begin in `faces`; empty: none shines
     faces: wp.array(dtype=wp.int32)  # (face,) its row / 3 in the mesh's part of Meshes.faces
+    # (6 * sky_side^2 + 1,) sums of the shares of cells of the sky's image; empty where it is not drawn as a light
+    sky_sums: wp.array(dtype=wp.float32)
+    sky_side: wp.int32
     seeds: wp.array(dtype=wp.int32)  # (world,)
     begun: wp.array(dtype=wp.int32)  # (world,) paths of each pixel before this launch
     wanted: wp.array(dtype=wp.int32)  # (world,) and those that it adds

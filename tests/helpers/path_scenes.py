@@ -22,3 +22,11 @@ def blocks(image: np.ndarray) -> np.ndarray:
     """Means of blocks of pixels, (height / BLOCK, width / BLOCK, channel)."""
     height, width, channels = image.shape
     return image.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK, channels).mean(axis=(1, 3))
+
+
+def inside(hit: np.ndarray) -> np.ndarray:
+    """The pixels all of whose neighbours see what it sees, too."""
+    padded = np.pad(hit, 1)
+    neighbours = [padded[1 + j : padded.shape[0] - 1 + j, 1 + i : padded.shape[1] - 1 + i] for j in (-1, 0, 1)
+                  for i in (-1, 0, 1)]  # fmt: skip
+    return np.logical_and.reduce(neighbours)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import warp as wp
-from path_scenes import traced
+from path_scenes import inside, traced
 
 import warpcam as wc
 
@@ -13,14 +13,6 @@ from pxr import Gf, Usd, UsdGeom, UsdLux
 from usd_stages import add_mesh
 
 CAMERA = wc.Camera("c", width=SIZE, height=SIZE, lens=wc.Pinhole(fovy=FOVY), position=(0.0, 0.0, 0.0), outputs=("hdr",))
-
-
-def inside(hit: np.ndarray) -> np.ndarray:
-    """The pixels all of whose neighbours see the ball, too."""
-    padded = np.pad(hit, 1)
-    neighbours = [padded[1 + j : padded.shape[0] - 1 + j, 1 + i : padded.shape[1] - 1 + i] for j in (-1, 0, 1)
-                  for i in (-1, 0, 1)]  # fmt: skip
-    return np.logical_and.reduce(neighbours)
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.1, 0.3, 0.6, 1.0])

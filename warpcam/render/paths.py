@@ -13,6 +13,7 @@ from warpcam.kernels.build.facet_albedo import facet_albedo
 from warpcam.kernels.passes.paths import HEAD, SHAPE_ROWS, PathArrays, PathFrame
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import MESH
+from warpcam.render.path_sky import sky_sums
 
 MOST = 2**30  # of samples and bounces
 
@@ -79,7 +80,8 @@ def path_bytes(tables: SceneTables, pixels: int) -> int:
     """Bytes of what a camera of so many pixels keeps of its paths in all worlds."""
     vectors, numbers = SHAPE_ROWS * _num_shapes(tables) + pixels, HEAD + tables.num_lights + _num_shapes(tables) + 3
     each = vectors * wp.types.type_size_in_bytes(wp.vec4) + numbers * wp.types.type_size_in_bytes(wp.int32)
-    return tables.num_worlds * each + facet_albedo().nbytes + sum(rows.nbytes for rows in _emitting_faces(tables))
+    shared = (facet_albedo(), sky_sums(tables)[0], *_emitting_faces(tables))
+    return tables.num_worlds * each + sum(table.nbytes for table in shared)
 
 
 def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.array, device: wp.Device) -> PathArrays:
@@ -99,6 +101,8 @@ def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.
     frame.rows = wp.zeros((worlds, SHAPE_ROWS * _num_shapes(tables)), dtype=wp.vec4, device=device)
     frame.heads = wp.zeros((worlds, HEAD + tables.num_lights + _num_shapes(tables)), dtype=wp.int32, device=device)
     frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
+    sums, frame.sky_side = sky_sums(tables)
+    frame.sky_sums = wp.array(sums, dtype=wp.float32, device=device)
     frame.seeds = seeds_of(options.seed, "PathOptions", worlds, device)
     frame.begun, frame.wanted = (wp.zeros(worlds, dtype=wp.int32, device=device) for _ in range(2))
     frame.sums = wp.zeros(worlds * pixels, dtype=wp.vec4, device=device)

@@ -2,6 +2,7 @@
 #pragma once
 #include "path/dielectric.h"
 #include "path/emitters.h"
+#include "path/path_sky.h"
 #include "path/path_surface.h"
 
 namespace warpcam {
@@ -22,6 +23,8 @@ struct Scattering {
 
 // One path's scene and numbers, and the light at its surfaces that comes straight from lights.
 template <class Types, int FLAGS, class Scene_> struct PathLights {
+    static constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
+
     const Scene_& scene;
     Camera camera, hub;
     int world;
@@ -31,7 +34,8 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
 
     WARPCAM_DEVICE bool headlit() const { return headlight_shines(scene.physical.plain); }
     WARPCAM_DEVICE int num_lamps() const { return head[NUM_LAMPS] + headlit(); }
-    WARPCAM_DEVICE int num_lights() const { return num_lamps() + head[NUM_EMITTERS]; }
+    WARPCAM_DEVICE SkyCells sky_cells() const { return { scene.frame.sky_sums.data, scene.frame.sky_side }; }
+    WARPCAM_DEVICE int num_lights() const { return num_lamps() + head[NUM_EMITTERS] + (IMAGE && sky_cells().side > 0); }
 
     // A light, the headlight after all others.
     WARPCAM_DEVICE AreaLight lamp_at(int number) const
@@ -100,6 +104,8 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
             return none;
         const Random4 drawn = random.next();
         const int number = min(int(drawn.x * float(count)), count - 1);
+        if (number >= num_lamps() + head[NUM_EMITTERS])
+            return sky_light(surface, reflector, to_eye, share, from, drawn);
         if (number >= num_lamps())
             return emitter_light(surface, reflector, to_eye, share, from,
                                  head[FIRST_LAMP + head[NUM_LAMPS] + number - num_lamps()], drawn);
@@ -121,6 +127,43 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
         const float other = reflector.density(surface.normal, to_eye, sample.direction, share);
         const float own = sample.density / float(count);
         return (sample.density > 0.0f ? power_heuristic(own, other) : 1.0f) * light;
+    }
+
+    // Light from all around, with what lights give to it.
+    WARPCAM_DEVICE Vec3 sky(Vec3 direction) const
+    {
+        Vec3 light = path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world), world,
+                                     headlight_of<FLAGS>(world), direction);
+        for (int number = 0; number < head[NUM_LAMPS]; ++number)
+            light = light + as_vec3(per_world(scene.physical.plain.ambient, world, head[FIRST_LAMP + number]));
+        return light;
+    }
+
+    // Light of the sky's image.
+    WARPCAM_DEVICE Vec3 sky_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, float share,
+                                  PathQuery query, Random4 drawn)
+    {
+        const Vec3 none { 0.0f, 0.0f, 0.0f };
+        const Vec3 direction = sky_cells().draw(drawn.w, drawn.y, drawn.z);
+        const Vec3 facing = surface.front ? surface.outward : -surface.outward;
+        const float cosine = dot(surface.normal, direction);
+        const float own = sky_cells().density(direction) / float(num_lights());
+        if (!(own > 0.0f && cosine > 0.0f && dot(facing, direction) > 0.0f))
+            return none;
+        query.far = MAX_RAY_T;
+        if (!reaches({ surface.point + surface.margin * facing, direction }, query))
+            return none;
+        const ReflectedParts parts = reflector.value(surface.normal, to_eye, direction);
+        const float weight = power_heuristic(own, reflector.density(surface.normal, to_eye, direction, share));
+        return weight * cosine / own * mul(parts.matt + parts.gloss, sky(direction));
+    }
+
+    // The part of the sky's light along a drawn direction that is not drawn as a light's.
+    WARPCAM_DEVICE float weight_of_sky(const Scattering& last, Vec3 direction) const
+    {
+        if (!(IMAGE && sky_cells().side > 0 && last.density > 0.0f))
+            return 1.0f;
+        return power_heuristic(last.density, sky_cells().density(direction) / float(num_lights()));
     }
 
     // Light of a shape that shines.

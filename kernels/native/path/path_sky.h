@@ -25,4 +25,40 @@ WARPCAM_DEVICE Vec3 path_sky(const Physical& physical, const Textures& textures,
     return { max(sum.x, 0.0f), max(sum.y, 0.0f), max(sum.z, 0.0f) };
 }
 
+// Cells of the sky's image, faces of a cube of `side` cells, drawn as often as they are bright.
+struct SkyCells {
+    const float* sums;  // (6 * side^2 + 1,) of their shares, from 0 to 1
+    int side;           // 0: the sky is not drawn
+
+    // A direction in the world.
+    WARPCAM_DEVICE Vec3 draw(float choice, float u, float v) const
+    {
+        int first = 0, end = 6 * side * side;
+        while (end - first > 1) {
+            const int middle = (first + end) >> 1;
+            const bool below = choice < sums[middle];
+            first = below ? first : middle;
+            end = below ? middle : end;
+        }
+        const int row = first / side, column = first - row * side, face = row / side;
+        const float rate = 2.0f / float(side);
+        const float s = (float(column) + u) * rate - 1.0f, t = (float(row - face * side) + v) * rate - 1.0f;
+        const Vec3 place = from_face(face, { s, t, 1.0f });
+        return normalized(Vec3 { place.x, -place.z, place.y });
+    }
+
+    // The density with which it is drawn [1/sr].
+    WARPCAM_DEVICE float density(Vec3 d) const
+    {
+        const Vec3 direction { d.x, d.z, -d.y };
+        const int face = cube_face(direction);
+        const Vec3 place = to_face(face, direction);
+        const float rate = 1.0f / place.z, half = 0.5f * float(side), length = rate * wp::sqrt(dot(d, d));
+        const int column = clamp(int((place.x * rate + 1.0f) * half), 0, side - 1);
+        const int row = clamp(int((place.y * rate + 1.0f) * half), 0, side - 1);
+        const int cell = (face * side + row) * side + column;
+        return (sums[cell + 1] - sums[cell]) * half * half * length * length * length;
+    }
+};
+
 }  // namespace warpcam

@@ -6,7 +6,6 @@
 #pragma once
 #include "path/camera_path.h"
 #include "path/path_lights.h"
-#include "path/path_sky.h"
 
 namespace warpcam {
 
@@ -17,8 +16,7 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
     using Lights_ = PathLights<Types, FLAGS, Scene_>;
     using Lights_::convex_of, Lights_::drawn_light, Lights_::go_through, Lights_::met_lamps, Lights_::trace;
     using Lights_::scene, Lights_::camera, Lights_::hub, Lights_::world, Lights_::rows, Lights_::head, Lights_::random;
-    using Lights_::weight_of_met;
-    static constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
+    using Lights_::sky, Lights_::weight_of_met, Lights_::weight_of_sky, Lights_::IMAGE;
 
     // Roulette: false where the path ends; what goes on stands for what does not.
     WARPCAM_DEVICE bool survives(Vec3& throughput)
@@ -55,16 +53,6 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         return true;
     }
 
-    // Light from all around, with what lights give to it.
-    WARPCAM_DEVICE Vec3 sky(Vec3 direction) const
-    {
-        Vec3 light = path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world), world,
-                                     headlight_of<FLAGS>(world), direction);
-        for (int number = 0; number < head[NUM_LAMPS]; ++number)
-            light = light + as_vec3(per_world(scene.physical.plain.ambient, world, head[FIRST_LAMP + number]));
-        return light;
-    }
-
     // Radiance of one path, and whether it saw a surface.
     template <int LENS> WARPCAM_DEVICE Vec3 radiance(int i, int j, bool& covered)
     {
@@ -83,7 +71,8 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
             if (bounce > 0)
                 sum = sum + met_lamps(last, ray.direction, hit.slot < 0 ? MAX_RAY_T : travelled + hit.t);
             if (hit.slot < 0) {
-                const Vec3 light = bounce == 0 ? background<LENS>(i, j, from) : sky(ray.direction);
+                const Vec3 light = bounce == 0 ? background<LENS>(i, j, from)
+                                               : weight_of_sky(last, ray.direction) * sky(ray.direction);
                 return sum + mul(throughput, light);
             }
             PathSurface surface;
