@@ -78,6 +78,13 @@ def test_other_worlds_are_left_alone(worlds: wc.Scene) -> None:
     assert (renderer.accumulate(3)["c"]["hdr"].cpu().numpy()[[0, 2]] == -1.0).all()
 
 
+def test_one_world_may_be_of_glass(worlds: wc.Scene) -> None:
+    worlds.vary("material_transmission")[1] = 1.0
+    images = drawn(wc.Renderer(worlds, [camera()], look="path", path=wc.PathOptions(samples=4)))
+    np.testing.assert_array_equal(images[0], images[2])
+    assert np.abs(images[1] - images[0]).max() > 0.05
+
+
 def test_outputs(worlds: wc.Scene) -> None:
     """Colours are the light, coded; what is not lit is what it always is; alpha is how much of a pixel is covered."""
     renderer = wc.Renderer(worlds, [camera()], look="path", path=wc.PathOptions(samples=64))
