@@ -24,7 +24,7 @@ def sky_sums(tables: SceneTables) -> tuple[np.ndarray, int]:
         if side <= MAX_SIDE:
             break
         start += 6 * width * width
-    texels = textures.texels.numpy()[start : start + 6 * side * side].reshape(6, side, side)
+    texels = textures.texels[start : start + 6 * side * side].numpy().reshape(6, side, side)
     channels = np.stack([texels >> shift & 255 for shift in (0, 8, 16)], axis=-1)
     at = (np.arange(side) + 0.5) / side * 2.0 - 1.0
     angles = (1.0 + at[:, None] ** 2 + at[None] ** 2) ** -1.5
