@@ -11,6 +11,7 @@ from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Rays
 from warpcam.camera.wide_lenses import DoubleSphere, Equirectangular, ExtendedUnified, Omnidirectional
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import Limits
 from warpcam.labeling.camera_labels import CameraLabels
 from warpcam.labeling.keypoints import site_keypoints
 from warpcam.labeling.labels import Labels, labels
@@ -44,6 +45,7 @@ __all__ = [
     "Labels",
     "Lens",
     "Light",
+    "Limits",
     "Memory",
     "Omnidirectional",
     "Orthographic",

@@ -227,7 +227,8 @@ class MaterialReader:
             try:
                 if data is None:
                     raise UnreadableError(f"{str(uri)[:200]}: no such file")
-                return decoded(data)
+                named = f"{self._document.path}: image {place}" if uri is None or uri.startswith("data:") else uri
+                return decoded(data, self._document.access, named)
             except UnreadableError as error:
                 faults.append(str(error))
         reason = "; ".join(dict.fromkeys(faults)) or "it names no image"
