@@ -18,6 +18,7 @@ from warpcam.labeling.labels import Labels, labels
 from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
 from warpcam.render.memory import Memory, estimate_memory
+from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.light import Light
@@ -48,6 +49,7 @@ __all__ = [
     "Memory",
     "Omnidirectional",
     "Orthographic",
+    "PathOptions",
     "Pinhole",
     "RadTanThinPrismFisheye",
     "Rays",

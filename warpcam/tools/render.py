@@ -6,7 +6,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import warp as wp
@@ -18,6 +18,8 @@ import warpcam
 from warpcam import visualize
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
+from warpcam.render.looks import LookName
+from warpcam.render.paths import PathOptions
 from warpcam.sources.common import formats
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.mujoco import batch_file
@@ -57,6 +59,15 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"measure depth as this camera does: {', '.join(SENSORS)} (default: the truth)",
     )
+    command.add_argument(
+        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
+    )
+    command.add_argument(
+        "--samples",
+        type=int,
+        metavar="N",
+        help=f"paths of each pixel with --look path (default: {PathOptions.samples})",
+    )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
 
@@ -68,6 +79,9 @@ def run(options: argparse.Namespace) -> int:
         raise WarpcamError(
             f"--sensor: {options.sensor} measures depth, which --outputs must have, got {options.outputs}"
         )
+    if options.samples is not None and options.look != "path":
+        raise WarpcamError("--samples: it is of --look path alone")
+    paths = None if options.samples is None else PathOptions(samples=options.samples)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
@@ -85,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
             warpcam.Camera(name, width=width, height=height, outputs=drawn, shadows=True, **pose)
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        renderer = warpcam.Renderer(scene, cameras)
+        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
         look = renderer.render if model is None else _rig(renderer, cameras, model, options.seed).read
         progress.update(steps, description="first frame", advance=1)
         images = look()

@@ -13,11 +13,11 @@ from warpcam.camera.lens import Pinhole
 from warpcam.core import torch_interop
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
+from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
 from warpcam.sensors.effect import parameter_array, parameters_of, world_numbers
-from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.stereo.dot_projector import DotProjector
 from warpcam.sensors.stereo.infrared_noise import InfraredNoise
 from warpcam.sensors.stereo.matching import StereoMatching
