@@ -10,7 +10,7 @@ from warpcam.camera.fisheye import Fisheye, FTheta, KannalaBrandt
 from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Rays
 from warpcam.camera.wide_lenses import DoubleSphere, Equirectangular, ExtendedUnified, Omnidirectional
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.core.file_access import Limits
 from warpcam.labeling.camera_labels import CameraLabels
 from warpcam.labeling.keypoints import site_keypoints
@@ -49,6 +49,7 @@ __all__ = [
     "Memory",
     "Omnidirectional",
     "Orthographic",
+    "OutOfMemoryError",
     "PathOptions",
     "Pinhole",
     "RadTanThinPrismFisheye",

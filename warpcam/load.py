@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.memory_errors import memory_told
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_planes
@@ -14,6 +15,7 @@ from warpcam.sources.common.optional import import_source
 
 
 @preserve_cuda_context()
+@memory_told("from_mujoco_warp")
 def from_mujoco_warp(
     mjm: Any,
     m: Any,
@@ -65,6 +67,7 @@ def from_mujoco_warp(
 
 
 @preserve_cuda_context()
+@memory_told("from_mujoco")
 def from_mujoco(
     mjm: Any,
     mjd: Any,
@@ -105,6 +108,7 @@ def from_mujoco(
 
 
 @preserve_cuda_context()
+@memory_told("from_newton")
 def from_newton(
     model: Any,
     state: Any,
@@ -174,6 +178,7 @@ def add_urdf(
 
 
 @preserve_cuda_context()
+@memory_told("from_usd")
 def from_usd(
     path_or_stage: Any,
     num_worlds: int = 1,
@@ -235,6 +240,7 @@ def from_usd(
 
 
 @preserve_cuda_context()
+@memory_told("load")
 def load(
     path: Any,
     num_worlds: int = 1,

@@ -10,3 +10,7 @@ class RefusedError(WarpcamError):
 
     Readers that pass over a broken part with a warning do not pass over this.
     """
+
+
+class OutOfMemoryError(WarpcamError):
+    """A device has less memory free than is asked for. What was there before still works."""

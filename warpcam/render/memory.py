@@ -8,7 +8,7 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.core.device import free_bytes
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.plan.frame import plan_frame
 from warpcam.kernels.types import View
@@ -120,7 +120,7 @@ def require_free(memory: Memory, device: wp.Device) -> None:
     """Raise if the device has less than that."""
     free = free_bytes(device)
     if free is not None and memory.total > free:
-        raise WarpcamError(
+        raise OutOfMemoryError(
             f"Renderer: {memory.total:,} bytes are needed, {free:,} are free on {device.alias}; ask for fewer worlds, "
             f"pixels or outputs:\n{memory}"
         )

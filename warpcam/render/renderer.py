@@ -11,6 +11,7 @@ from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.views import FrameCounters, make_frame_start
@@ -50,9 +51,8 @@ class Renderer:
         scene: What to look at.
         cameras: Each under its own name.
         graph: Replay each frame as a CUDA graph; False launches kernel by kernel. Images are the same.
-        look: How ``rgb``, ``rgba`` and ``hdr`` are lit: "mujoco" as in MuJoCo's renderer; "pbr" by physically based
-            materials in linear light; "path" by paths of light, unbiased. None is the scene's own: "mujoco" for scenes
-            of MuJoCo, else "pbr".
+        look: How ``rgb``, ``rgba`` and ``hdr`` are lit: "mujoco" as in MuJoCo's renderer; "pbr", physically based in
+            real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
 
     Attributes:
@@ -60,18 +60,18 @@ class Renderer:
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not
             finite or made no image. A world with a shape that is not finite shows the background, and so does a camera
-            that is not or whose rotation is 0; a shape whose rotation or size is 0 is missing from its world. No other
-            world is touched. The first frame's are told in a warning.
+            that is not or whose rotation is 0; a shape whose rotation or size is 0 is missing. The first are told.
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
         lock: Held while a frame is queued, drawn on a CPU; a thread holds it on to use images before others draw again.
 
     Raises:
-        WarpcamError: A camera does not fit the scene, or more memory is needed than the device has free.
+        WarpcamError: A camera does not fit the scene; ``OutOfMemoryError`` if the device has too little memory free.
     """
 
     @preserve_cuda_context()
+    @memory_told("Renderer")
     def __init__(
         self,
         scene: Scene,
@@ -145,7 +145,7 @@ class Renderer:
         """Render for a sensor, whose ``call`` begins the texts of errors."""
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
-        with self.lock, torch_interop.in_order(self._device) as capturing:
+        with self.lock, memory_told(call), torch_interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
                     f"{call}: a capture is under way, but this scene's poses come from the host and would not be "

@@ -12,6 +12,7 @@ from warpcam.camera.camera import Camera, bodies_of
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
@@ -112,9 +113,10 @@ class Lidar:
         memory: What was allocated for it all, images of the rays and returns; its poses and parameters aside.
 
     Raises:
-        WarpcamError: An argument does not fit, or more memory is needed than the device has free.
+        WarpcamError: An argument does not fit; ``OutOfMemoryError`` if the device has too little memory free.
     """
 
+    @memory_told("Lidar")
     def __init__(
         self,
         scene: Scene,

@@ -9,6 +9,7 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
@@ -55,6 +56,7 @@ class Rig:
         WarpcamError: An effect does not fit the camera, or a parameter is not allowed.
     """
 
+    @memory_told("Rig")
     def __init__(
         self, renderer: Renderer, sensors: Mapping[str | int, Sequence[Effect]], *, seed: Any = 0, by_world: bool = True
     ):
