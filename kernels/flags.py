@@ -134,6 +134,11 @@ class ShadingFlag(IntFlag):
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own
     HAS_EXPOSURE = 1 << 23
     HAS_MIPS = 1 << 24  # each texture but cubes has a mipmapped one; told where floors are looked up by them
+    # the curve from light to display colours, native/shading/tone_mapping.h; none of them: light is cut off at white
+    REINHARD = 1 << 25
+    ACES = 1 << 26
+    KHRONOS_NEUTRAL = 1 << 27
+    AGX = 1 << 28
 
 
 NO_SHADING_FLAGS = ShadingFlag(0)

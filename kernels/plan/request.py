@@ -22,6 +22,7 @@ class ImageRequest:
         outputs: Names, of ``OUTPUTS``.
         shadows: Lights cast shadows.
         antialiasing: Samples of a pixel.
+        tone_mapping: One of ``shading.TONE_CURVES``.
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
     """
 
@@ -31,6 +32,7 @@ class ImageRequest:
     outputs: tuple[str, ...]
     shadows: bool = False
     antialiasing: int = 1
+    tone_mapping: str = "clip"
     paths: bool = False
 
     @property

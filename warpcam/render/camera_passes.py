@@ -49,6 +49,7 @@ def request_of(camera: Camera, projection: Projection, paths: bool = False) -> I
         tuple(camera.outputs),
         shadows=camera.shadows,
         antialiasing=camera.antialiasing,
+        tone_mapping=camera.tone_mapping,
         paths=paths,
     )
 

@@ -1,11 +1,12 @@
 """Looks of a scene: how its lit images are made."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import warp as wp
 
+from warpcam.camera.camera import Camera
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Lights, Physical
@@ -34,7 +35,8 @@ class Look:
             raise WarpcamError(f"Renderer: path must be a PathOptions or None, got {options!r}")
         if options is not None and not self.traces_paths:
             raise WarpcamError(f"Renderer: path has options of look='path', and the look is {self.name!r}")
-        if self.traces_paths and scene.tables().splats is not None:
+        self._has_splats = scene.tables().splats is not None
+        if self.traces_paths and self._has_splats:
             raise WarpcamError("Renderer: look='path' draws no clouds of Gaussians, which this scene has")
         self.options = (options or PathOptions()) if self.traces_paths else None  # of paths
         self._parts, self._device = scene.description(), scene.device
@@ -72,6 +74,17 @@ class Look:
             return None
         self.more = wp.zeros(1, dtype=wp.int32, device=device)
         return self.options, self.more
+
+    def check_tone_mapping(self, cameras: Iterable[Camera]) -> None:
+        """Raise for a camera whose curve of display colours this look has not."""
+        why = ""
+        if self.name == "mujoco":
+            why = "the look is 'mujoco', which has 'clip' alone; look='pbr' and look='path' have all"
+        elif self._has_splats:
+            why = "the scene has clouds of Gaussians, whose colours are a display's: 'clip' alone is allowed"
+        for camera in cameras:
+            if why and camera.tone_mapping != "clip":
+                raise WarpcamError(f"{camera.where}: tone_mapping is {camera.tone_mapping!r}, and {why}")
 
     def check_more(self, samples: Any, has_drawn: bool) -> int:
         """The number of paths that are to be added, or the error that there is nothing to add to."""

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam import visualize
+from warpcam.camera.camera import ToneMapping
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
 from warpcam.render.looks import LookName
@@ -68,6 +69,14 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"paths of each pixel with --look path (default: {PathOptions.samples})",
     )
+    command.add_argument(
+        "--tone-mapping",
+        choices=get_args(ToneMapping),
+        default="clip",
+        metavar="NAME",
+        help=f"curve from light to colours of --look pbr and path: {', '.join(get_args(ToneMapping))} "
+        "(default: %(default)s)",
+    )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
 
@@ -95,8 +104,10 @@ def run(options: argparse.Namespace) -> int:
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
+        drawing = {"width": width, "height": height, "outputs": drawn, "shadows": True}
+        drawing["tone_mapping"] = options.tone_mapping
         cameras = [
-            warpcam.Camera(name, width=width, height=height, outputs=drawn, shadows=True, **pose)
+            warpcam.Camera(name, **drawing, **pose)
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
         renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)

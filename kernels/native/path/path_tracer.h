@@ -194,7 +194,7 @@ WARPCAM_DEVICE void trace_paths(const Scene_& scene, const Views& views, int ind
     const Vec3 mean = exposed<FLAGS>(scene, world, rate * as_vec3(own));
     if (images.hdr.data)
         put_three(images.hdr.data, unsigned(index), mean);
-    const unsigned word = to_bytes(linear_to_srgb(mean));
+    const unsigned word = to_bytes(display_color<FLAGS>(mean));
     if (images.rgb.data)
         for (int channel = 0; channel < 3; ++channel)
             images.rgb.data[3 * size_t(index) + channel] = static_cast<unsigned char>(word >> 8 * channel);
