@@ -64,6 +64,17 @@ def test_render_traces_paths(scene: Path, tmp_path: Path, capsys: pytest.Capture
     assert "samples must be a whole number from 1" in capsys.readouterr().err
 
 
+def test_render_maps_tones(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pictures = []
+    for curve in ("clip", "reinhard"):
+        how = ("--look", "pbr", "--tone-mapping", curve, "--worlds", "1", "--size", "32x24", "--outputs", "rgb")
+        assert render(scene, *how, "--out", tmp_path / curve) == 0
+        pictures.append(np.asarray(Image.open(tmp_path / curve / "front-rgb.png")).astype(int))
+    assert (pictures[1] <= pictures[0]).all() and (pictures[1] < pictures[0]).any()
+    assert render(scene, "--tone-mapping", "reinhard", "--out", tmp_path) == 2
+    assert "tone_mapping is 'reinhard', and the look is 'mujoco'" in capsys.readouterr().err
+
+
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     outputs = ("rgb", "depth", "normals", "points", "segmentation")

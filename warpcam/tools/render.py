@@ -104,10 +104,16 @@ def run(options: argparse.Namespace) -> int:
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
-        drawing = {"width": width, "height": height, "outputs": drawn, "shadows": True}
-        drawing["tone_mapping"] = options.tone_mapping
         cameras = [
-            warpcam.Camera(name, **drawing, **pose)
+            warpcam.Camera(
+                name,
+                width=width,
+                height=height,
+                outputs=drawn,
+                shadows=True,
+                tone_mapping=options.tone_mapping,
+                **pose,
+            )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
         renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
