@@ -17,6 +17,7 @@ from warpcam.labeling.keypoints import site_keypoints
 from warpcam.labeling.labels import Labels, labels
 from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
+from warpcam.render.denoise import denoise
 from warpcam.render.memory import Memory, estimate_memory
 from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
@@ -60,6 +61,7 @@ __all__ = [
     "Uniform",
     "WarpcamError",
     "add_urdf",
+    "denoise",
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",

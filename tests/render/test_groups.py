@@ -12,7 +12,7 @@ from small_scene import GLASS, MIRROR, camera, scene_of
 import warpcam as wc
 from warpcam.kernels.plan import launches
 from warpcam.outputs import OUTPUTS
-from warpcam.render import renderer as rendering
+from warpcam.render import recordings as rendering
 from warpcam.render import scratch_memory
 
 # More shapes than one pass of the trace lists.

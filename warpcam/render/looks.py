@@ -1,8 +1,10 @@
 """Looks of a scene: how its lit images are made."""
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Literal, get_args
+from weakref import WeakSet
 
 import warp as wp
 
@@ -12,8 +14,11 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Lights, Physical
 from warpcam.render.paths import PathOptions, check_whole
 from warpcam.scene.scene import Scene
+from warpcam.scene.source import SceneDescription
 
 LookName = Literal["mujoco", "pbr", "path"]
+FEW = 3  # materials that a warning names
+_told: WeakSet[SceneDescription] = WeakSet()  # whose transmission has been told of
 
 
 class Look:
@@ -46,6 +51,8 @@ class Look:
             raise WarpcamError(
                 f"Renderer: look is {self.name!r}, for which this scene has no materials; its own is {own!r}"
             )
+        if not self.traces_paths:
+            _tell_of_transmission(self._parts)
         self._arrays: Mapping[str, wp.array] | None = None
 
     def tables(self, tables: SceneTables) -> SceneTables:
@@ -97,3 +104,16 @@ class Look:
     @property
     def traces_paths(self) -> bool:
         return self.name == "path"
+
+
+def _tell_of_transmission(parts: SceneDescription) -> None:
+    """Warn, once for a scene, that the real-time look draws no transmission."""
+    names = parts.transmissive
+    if names and parts not in _told:
+        _told.add(parts)
+        more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+        logging.getLogger("warpcam").warning(
+            "Renderer: look='pbr' draws no transmission, as look='path' does; these materials are drawn solid: %s%s",
+            ", ".join(names[:FEW]),
+            more,
+        )

@@ -24,7 +24,7 @@ from warpcam.render.paths import PathOptions
 from warpcam.sources.common import formats
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import scene_access, scene_options
+from warpcam.tools import denoised, scene_access, scene_options
 
 ABOUT = "render a scene in many worlds and save pictures"
 FREE_CAMERA = "free"
@@ -77,6 +77,9 @@ def add(command: argparse.ArgumentParser) -> None:
         help=f"curve from light to colours of --look pbr and path: {', '.join(get_args(ToneMapping))} "
         "(default: %(default)s)",
     )
+    command.add_argument(
+        "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
+    )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
 
@@ -90,6 +93,8 @@ def run(options: argparse.Namespace) -> int:
         )
     if options.samples is not None and options.look != "path":
         raise WarpcamError("--samples: it is of --look path alone")
+    if options.denoise:
+        denoised.check(options.look, outputs, options.tone_mapping)
     paths = None if options.samples is None else PathOptions(samples=options.samples)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
@@ -104,6 +109,8 @@ def run(options: argparse.Namespace) -> int:
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
+        if options.denoise:
+            drawn = tuple(dict.fromkeys((*drawn, *denoised.NEEDED)))
         cameras = [
             warpcam.Camera(
                 name,
@@ -126,8 +133,9 @@ def run(options: argparse.Namespace) -> int:
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []  # before frames are counted, which a sensor's numbers depend on
         for name, by_output in zip(_file_names(images), images.values(), strict=True):
+            shown = denoised.denoised(by_output) if options.denoise else by_output
             for output in outputs:
-                saved.append(_save(options.out, name, output, by_output[output].cpu().numpy()))
+                saved.append(_save(options.out, name, output, shown[output].cpu().numpy()))
                 progress.advance(steps)
         progress.update(steps, description="rendering")
         rate = _frames_per_second(look, len(cameras) * options.worlds, device)
