@@ -13,6 +13,7 @@ from typing import Any
 
 import warp as wp
 
+LOADS = "== loads "  # a line of a library that is loaded
 VERSIONS = range(30, 15, -1)  # of clang and its tools, of which Debian's names have one
 SANITIZERS = (
     "-fsanitize=address,undefined",
@@ -66,6 +67,7 @@ class Modules:
         self._libraries: dict[bytes, ctypes.CDLL] = {}
 
     def load(self, path: bytes, handle: bytes, _linker: bool) -> int:
+        print(f"{LOADS}{os.fsdecode(path)}", flush=True)
         self._libraries[handle] = ctypes.CDLL(os.fsdecode(path), os.RTLD_LAZY | os.RTLD_LOCAL)
         return 0
 

@@ -1,12 +1,15 @@
 """``python -m tests.sanitizers.draw cpu box sphere``: draw scenes in a process that a sanitizer watches."""
 
 import faulthandler
-import os
 import sys
 import time
+import traceback
 from typing import Any
 
 import warp as wp
+
+from tests.sanitizers import clang, includes
+from tests.sanitizers.reports import BEGINS, ENDS, HEADER
 
 
 def apart(scratch: Any) -> None:
@@ -26,12 +29,26 @@ def apart(scratch: Any) -> None:
     scratch.Scratch._buffers = buffers
 
 
+def tell_headers() -> None:
+    """Write a line for each of our headers that a kernel includes which is loaded from now on."""
+    load, told = wp.Module.load, set()
+
+    def loading(module: wp.Module, *args: Any, **options: Any) -> Any:
+        build = module.options.get("extra_build_options")
+        for header in includes.named(build.extra_cuda_preamble if build else ""):
+            if header not in told:
+                told.add(header)
+                print(f"{HEADER}{header}", flush=True)
+        return load(module, *args, **options)
+
+    wp.Module.load = loading
+
+
 def main(device: str, names: list[str]) -> None:
     faulthandler.enable()
     if device == "cpu":
-        from tests.sanitizers import clang
-
         clang.install()
+    tell_headers()
     from tests.sanitizers import scenes
     from warpcam.render import scratch_memory
 
@@ -39,16 +56,21 @@ def main(device: str, names: list[str]) -> None:
     where = wp.get_device(device)
     if where.is_cuda:
         wp.set_mempool_enabled(where, False)  # else many arrays lie in one allocation
-    for name in names or list(scenes.SCENES):
+    for name in names:
         began = time.monotonic()
-        print(name, end=" ", flush=True)
-        print(f"begins {name}", file=sys.stderr, flush=True)
-        with wp.ScopedDevice(where):
-            scenes.SCENES[name](where)
-        wp.synchronize()
-        print(f"{time.monotonic() - began:.1f}", flush=True)
+        print(f"{BEGINS}{name}", flush=True)
+        try:
+            with wp.ScopedDevice(where):
+                scenes.SCENES[name](where)
+            wp.synchronize()
+        except Exception:
+            print(traceback.format_exc(), flush=True)
+            continue
+        seconds = time.monotonic() - began
+        if where.is_cuda:
+            time.sleep(0.2)  # a tool's process writes what it found
+        print(f"{ENDS}{seconds:.1f}", flush=True)
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("WARPCAM_CPU_THREADS", "1")
     main(sys.argv[1], sys.argv[2:])
