@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tests.sanitizers import cpu, gpu
+from tests.sanitizers import coverage, cpu, gpu
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,6 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
     where.add_argument("--cpu", action="store_true")
     where.add_argument("--gpu", action="store_true")
     parser.add_argument("--scenes", nargs="+", metavar="SCENE", help="names (default: all for a CPU, few for a GPU)")
+    parser.add_argument("--tests", nargs="+", default=[], metavar="PATH", help="tests in place of scenes, on a CPU")
     parser.add_argument("--tools", nargs="+", choices=gpu.TOOLS, default=list(gpu.TOOLS), help="of compute-sanitizer")
     parser.add_argument("--processes", type=int, default=16, help="at a time, on a GPU (default: %(default)s)")
     parser.add_argument("--out", type=Path, help="JSON file for the results")
@@ -37,17 +38,17 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown:
         parser.error(f"--scenes: {', '.join(sorted(unknown))}: there are {', '.join(scenes.SCENES)}")
     if options.cpu:
-        result = cpu.run(options.scenes or list(scenes.SCENES))
+        result = cpu.run(options.scenes or list(scenes.SCENES), options.tests)
     else:
         result = gpu.run(options.scenes or list(scenes.FEW), options.tools, options.processes)
-    failed = _print(result)
+    failed = _print(result, whole=not (options.scenes or options.tests))
     if options.out is not None:
         options.out.write_text(json.dumps(result, indent=1) + "\n")
     return int(failed)
 
 
-def _print(result: dict[str, Any]) -> bool:
-    """One line for each tool and scene, and findings below it; true if there were any."""
+def _print(result: dict[str, Any], whole: bool) -> bool:
+    """One line for each tool and scene, and findings below it; true if there were any, or if all miss a header."""
     failed = False
     for scene in result["scenes"]:
         state = f"{scene['seconds']} s" if scene["seconds"] is not None else f"not drawn to its end: {scene['end']}"
@@ -55,9 +56,14 @@ def _print(result: dict[str, Any]) -> bool:
         failed |= bool(scene["findings"]) or scene["seconds"] is None
         for finding in scene["findings"]:
             print(f"    {finding['count']:6} times {finding['what']} | {finding['place']}")
-    for header, counts in result.get("headers", {}).items():
+    headers = result.get("headers", {})
+    for header, counts in headers.items():
         print(f"{header:48} {counts['reached']:4} of {counts['functions']:4} functions, "
               f"{counts['lines_reached']:5} of {counts['lines']:5} lines")  # fmt: skip
+    left = result.get("headers_left", coverage.missed(headers))
+    for header in left if whole else ():
+        print(f"{header}: no scene reaches it")
+        failed = True
     return failed
 
 

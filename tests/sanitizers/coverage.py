@@ -7,6 +7,23 @@ from pathlib import Path
 
 from tests.sanitizers import clang, includes
 
+# Headers none of whose functions a CPU's kernels call: those of CUDA's own ways of tracing, shadows and smooth edges,
+# and one of types alone. On a GPU, compute-sanitizer looks at them.
+NOT_ON_CPU = frozenset((
+    "core/conditional.h",
+    "antialiasing/edge_resolve_analytic.h", "antialiasing/edge_resolve_in_place.h", "antialiasing/edge_scan.h",
+    "antialiasing/neighbor_shapes.h", "antialiasing/neighborhood.h", "antialiasing/occupied_tiles.h",
+    "antialiasing/pixel_cache.h", "antialiasing/sample_batch.h", "antialiasing/sample_color.h",
+    "build/horizon_builder.h", "build/occluder_builder.h", "camera/tile_frustum.h", "flow/plane_history.h",
+    "geometry/triangle.h", "output/store_vec3.h", "shading/plane_shading.h", "shading_pass/plane_strips.h",
+    "shading_pass/store_quads.h", "shading_pass/visibility_albedo.h", "shadow/caster_bounds.h",
+    "shadow/many_casters.h", "shadow/mesh_any_hit.h", "shadow/near_casters.h", "shadow/occluder_boxes.h",
+    "shadow/plane_receiver_cull.h", "shadow/receivers.h", "shadow/shadow_span.h", "shadow/shadow_strips.h",
+    "shadow/shadow_tile.h", "shadow/turned_away.h", "traversal/cooperative_leaf_test.h",
+    "traversal/infinite_plane.h", "traversal/mesh_closest_hit.h", "traversal/normal_cache.h",
+    "traversal/ray_queue.h", "traversal/shapes_in_view.h", "traversal/view_shape_list.h",
+    "traversal/visibility_listed.h",
+))  # fmt: skip
 NATIVE = includes.NATIVE
 
 
@@ -40,3 +57,8 @@ def _counts(summary: dict[str, dict[str, int]] | None) -> dict[str, int]:
         "lines": lines.get("count", 0),
         "lines_reached": lines.get("covered", 0),
     }
+
+
+def missed(headers: dict[str, dict[str, int]]) -> list[str]:
+    """Headers no function of which was reached, though a CPU's kernels call some."""
+    return [name for name, counts in headers.items() if counts["reached"] == 0 and name not in NOT_ON_CPU]

@@ -42,20 +42,37 @@ def environment(folder: Path) -> dict[str, str]:
     }
 
 
-def run(names: Sequence[str]) -> dict[str, Any]:
-    """Draw scenes in a process that is watched; what was found in each, and which functions were reached."""
-    CACHE.mkdir(parents=True, exist_ok=True)
-    log = CACHE / "log"  # all that was said, for whoever looks into a finding
+def run(names: Sequence[str], tests: Sequence[str] = ()) -> dict[str, Any]:
+    """Draw scenes in a process that is watched; what was found in each, and which functions were reached.
+
+    Args:
+        names: Of the scenes.
+        tests: Arguments of pytest: tests that run in place of scenes.
+    """
+    command = ["-m", "tests.sanitizers.draw", "cpu", *names]
+    if tests:
+        command = ["-m", "pytest", "-p", "tests.sanitizers.plugin", "-n", "0", "-s", *tests]
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        with log.open("wb") as out:
-            command = [sys.executable, "-m", "tests.sanitizers.draw", "cpu", *names]
-            drawn = subprocess.run(
-                command, cwd=reports.ROOT, env=environment(folder), stdout=out, stderr=subprocess.STDOUT
-            )
-        text = log.read_text(errors="replace")
+        text = watched(command, folder)
         found = reports.drawn(text)
-        if drawn.returncode != 0 and not found:
+        if not found:
             raise RuntimeError(text[-4000:])
         reached = coverage.measure(sorted(folder.glob("*.profraw")), reports.told(text, clang.LOADS), folder)
-    return {"scenes": found, "exit": drawn.returncode, "headers": reached}
+    return {"scenes": found, "headers": reached}
+
+
+def watched(command: Sequence[str], folder: Path) -> str:
+    """Run Python with arguments in a process that is watched; what it wrote, which is kept in a file, too."""
+    CACHE.mkdir(parents=True, exist_ok=True)
+    log = CACHE / "log"
+    with log.open("wb") as out:
+        subprocess.run(
+            [sys.executable, *command],
+            cwd=reports.ROOT,
+            env=environment(folder),
+            stdout=out,
+            stderr=subprocess.STDOUT,
+            check=False,
+        )
+    return log.read_text(errors="replace")

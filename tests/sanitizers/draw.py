@@ -4,6 +4,7 @@ import faulthandler
 import sys
 import time
 import traceback
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import warp as wp
@@ -44,12 +45,14 @@ def tell_headers() -> None:
     wp.Module.load = loading
 
 
-def main(device: str, names: list[str]) -> None:
+def main(device: str, names: Sequence[str], own: Mapping[str, Callable[[wp.Device], object]] | None = None) -> None:
+    """Draw scenes of those names, or of one's own, one after another."""
     faulthandler.enable()
     if device == "cpu":
         clang.install()
     tell_headers()
-    from tests.sanitizers import scenes
+    if own is None:
+        from tests.sanitizers.scenes import SCENES as own  # noqa: N811
     from warpcam.render import scratch_memory
 
     apart(scratch_memory)
@@ -61,7 +64,7 @@ def main(device: str, names: list[str]) -> None:
         print(f"{BEGINS}{name}", flush=True)
         try:
             with wp.ScopedDevice(where):
-                scenes.SCENES[name](where)
+                own[name](where)
             wp.synchronize()
         except Exception:
             print(traceback.format_exc(), flush=True)

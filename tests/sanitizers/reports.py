@@ -33,7 +33,7 @@ def _scene(name: str, lines: list[str], tool: str) -> dict[str, Any]:
         "tool": tool,
         "scene": name,
         "seconds": float(ends[0]) if ends else None,
-        "end": "" if ends else " ".join(lines[-1:])[:300],
+        "end": "" if ends else next((line for line in reversed(lines) if line.strip()), "")[:300],
         "findings": findings(lines),
     }
 

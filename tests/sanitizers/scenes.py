@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 import warp as wp
+from PIL import Image
 
 import warpcam as wc
 from warpcam import sensors
@@ -26,6 +27,10 @@ WORLDS = 2
 IMAGES = ("rgb", "depth", "segmentation", "normals", "points", "albedo", "flow", "flow_valid")
 EYE = (0.3, -2.6, 1.4)
 LIGHTS = '<light pos="1 1 4" dir="-1 -1 -4"/><light directional="true" dir="0 1 -2"/>'
+SHEER = """
+  <texture name="sheer" type="2d" nchannel="4" file="{}"/>
+  <material name="sheer" texture="sheer" rgba="1 1 1 .7"/>
+"""
 FLOOR = '<geom type="plane" size="0 0 1"/>'
 
 
@@ -52,6 +57,40 @@ def _clouds(count: int, more: str = "", **options: Any) -> Callable[[wp.Device],
         return scenes.on_host(renderer.render()["eye"])
 
     return draw
+
+
+def _analytic(count: int, assets: str = "", **options: Any) -> Callable[[wp.Device], object]:
+    """Two frames of shapes that have no faces."""
+
+    def draw(_device: wp.Device) -> object:
+        random = np.random.default_rng(5)
+        shapes = ""
+        for number in range(count):
+            x, y, z = random.uniform((-1.5, -1.0, 0.1), (1.5, 2.0, 2.0))
+            kind = ("sphere", "capsule", "ellipsoid", "cylinder", "box")[number % 5]
+            more = f'pos="{x} {y} {z}" euler="{90 * x} {90 * y} 0"' + (
+                ' material="sheer"' if assets and number % 2 else ""
+            )
+            shapes += scenes.geom_xml(kind, f"shape{number}", more, 0.3 * np.array(scenes.SIZES[kind]))
+        with tempfile.NamedTemporaryFile(suffix=".png") as file:
+            Image.new("RGBA", (8, 8), (230, 120, 50, 60)).save(file.name)
+            mjm = scenes.compile_xml(LIGHTS + FLOOR + shapes, assets=assets.format(file.name))
+        settings = {"width": 64, "height": 64, "shadows": "rgb" in options["outputs"]} | options
+        turn = scenes.looking(EYE, (0.0, 0.3, 0.8))
+        scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, WORLDS))
+        renderer = wc.Renderer(scene, [scenes.own_camera(position=EYE, rotation=turn, **settings)])
+        renderer.render()
+        return scenes.on_host(renderer.render()["eye"])
+
+    return draw
+
+
+def _far_sides(device: wp.Device) -> object:
+    mjm = scenes.compile_xml("".join(scenes.geom_xml(kind, more='pos=".05 -.1 .08"') for kind in scenes.TYPES[2:7]))
+    directions = np.random.default_rng(1).normal(size=(9, 13, 3))
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device=device)
+    lidar = sensors.Lidar(scene, sensors.patterns.rays(directions), far_sides=True, outputs=("ranges", "normals"))
+    return {name: image.cpu() for name, image in lidar.read().items()}
 
 
 def _offset_rays(_device: wp.Device) -> object:
@@ -133,8 +172,16 @@ SCENES: dict[str, Callable[[wp.Device], object]] = {
     "clouds_fisheye": _clouds(9, lens=wc.Fisheye(fovy=140.0), outputs=IMAGES[:-2]),
     "clouds_orthographic": _clouds(9, lens=wc.Orthographic(height=2.0)),
     "clouds_glass": _clouds(9, '<geom size=".4" pos="0 -1 1" rgba="1 1 1 .5"/>', outputs=("rgba", "depth")),
-    "many": _clouds(220, outputs=("rgb", "depth")),
-    "many_depth": _clouds(220, outputs=("depth", "segmentation", "points"), shadows=False),
+    "many": _clouds(260, outputs=("rgb", "depth")),
+    "many_depth": _clouds(260, outputs=("depth", "segmentation", "points"), shadows=False),
+    "triangles": _clouds(9, outputs=("faces", "barycentrics")),
+    "albedo": _clouds(9, outputs=("depth", "albedo")),
+    "few": _analytic(9, outputs=("depth", "segmentation", "normals")),
+    "few_flow": _analytic(9, outputs=("depth", "flow", "flow_valid")),
+    "few_lit": _analytic(9, outputs=("rgb", "depth"), antialiasing=4),
+    "sheer": _analytic(9, SHEER, outputs=("rgb",)),
+    "casters": _analytic(400, outputs=("rgb",)),
+    "far_sides": _far_sides,
     "offset_rays": _offset_rays,
     **{f"paths_{number}": _paths(name) for number, name in enumerate(judged_scenes.SCENES)},
     "newton": _newton,
@@ -143,5 +190,9 @@ SCENES: dict[str, Callable[[wp.Device], object]] = {
     "packed": _packed,
 }
 
-# On a GPU, where each is drawn under four tools.
-FEW = ("box",)
+# On a GPU, where each is drawn under four tools: of each kernel that a GPU has, one of its kinds.
+FEW = (
+    "clouds", "clouds_smooth", "clouds_glass", "offset_rays", "many_depth", "triangles", "albedo", "few", "few_flow",
+    "few_lit", "sheer", "casters", "reflection", "haze", "vary_texture", "newton", "paths_0", "paths_3", "labels",
+    "point_clouds", "packed", "far_sides", "stereo_camera", "effect_jpeg_artifacts", "effect_chromatic_aberration",
+)  # fmt: skip
