@@ -6,6 +6,7 @@ The source of a module is what Warp writes, and is called with what Warp calls i
 import ctypes
 import functools
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -24,6 +25,7 @@ SANITIZERS = (
 COVERAGE = ("-fprofile-instr-generate", "-fcoverage-mapping")
 # Nothing is optimised away, so that each access of the source is looked at.
 KIND = ("-O0", "-g1", "-fPIC", "-shared", "-shared-libsan", "-std=c++17", "-march=native", "-w")
+FIRST = re.compile(r"-include \S+|-mllvm\S*|-fpch\S+")  # for Warp's compiler alone
 NATIVE = Path(wp.__file__).parent / "native"
 
 
@@ -50,7 +52,7 @@ def runtime() -> Path:
 
 def build(output: str, source: str, **options: Any) -> None:
     """Compile one of Warp's modules; takes what Warp's own ``build_cpu`` takes."""
-    flags = [flag for flag in options["extra_flags"].split() if not flag.startswith("-mllvm")]
+    flags = FIRST.sub("", options["extra_flags"]).split()
     folders = [f"-I{folder}" for folder in (NATIVE, *options["extra_include_dirs"])]
     partial = f"{output}.{os.getpid()}"
     command = [str(tool("clang")), *flags, *KIND, *SANITIZERS, *COVERAGE, "-DWARPCAM_QUICK", *folders, "-x", "c++"]
