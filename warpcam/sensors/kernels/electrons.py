@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.sensors.kernels.arithmetic import inverse_root, quotient
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, frame_state, three_normals, two_normals
@@ -109,7 +109,7 @@ def count_electrons(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     scale = electrons_at_white[world]
@@ -137,7 +137,7 @@ def add_normal(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
@@ -159,7 +159,7 @@ def measure_linearly(
     first: wp.int32,
 ):
     """Photons to electrons to digital numbers, and these as linear light again."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     at_white = camera.quantum_efficiency[world] * camera.photons_at_white[world]

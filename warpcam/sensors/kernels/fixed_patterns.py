@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, device_state, three_normals
 
@@ -27,7 +27,7 @@ def vary_response(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
@@ -48,7 +48,7 @@ def vary_dark_signal(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
@@ -70,7 +70,7 @@ def spoil_pixels(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     black = dead[world]
