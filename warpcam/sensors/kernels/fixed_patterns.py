@@ -13,8 +13,7 @@ wp.set_module_options(compiler_flags())
 @wp.func
 def pattern(random: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Normal numbers of a pixel's three channels from the state of its device."""
-    normals, _ = three_normals(wp.rand_init(random, pixel))
-    return normals
+    return three_normals(wp.rand_init(random, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
