@@ -348,6 +348,7 @@ class Scene:
             moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
+            opaque_splats=parts.opaque_splats,
             splat_limits=parts.splat_limits,
             labels=self._labels,
             casters=None if self._casting is None else self._shapes(arrays, self._casting),

@@ -84,6 +84,7 @@ class SceneDescription:
         casting: Those of ``drawn`` that cast shadows, ascending; None: all of them.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
         splat_counts: (place,), how many of ``clouds`` each shape that a user added chooses from, see ``SPLAT_ARRAYS``.
+        opaque_splats: Whether clouds are drawn as MuJoCo-Warp draws them: see ``kernels.flags.SplatFlag``.
         splat_limits: See ``kernels.scene_tables.SceneTables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
@@ -121,6 +122,7 @@ class SceneDescription:
     casting: Sequence[int] | None = None
     clouds: Sequence[GaussianCloud] = ()
     splat_counts: Sequence[int] = ()
+    opaque_splats: bool = False
     splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 

@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from warpcam.accel.gaussians import GaussianCloud
+from warpcam.accel.gaussians import MIN_ALPHA, GaussianCloud
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess, Limits
 from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE
@@ -45,6 +45,10 @@ class Splats:
     scale: Any = 1.0
     choice: Any = None
     limits: Limits | None = None
+
+    least_response: ClassVar[float] = MIN_RESPONSE
+    least_alpha: ClassVar[float] = MIN_ALPHA
+    opaque: ClassVar[bool] = False  # see SceneDescription.opaque_splats
 
     def __post_init__(self) -> None:
         for cloud in self.listed():
@@ -98,11 +102,15 @@ class Splats:
     def read(self) -> list[GaussianCloud]:
         """The clouds; files are opened here."""
         return [
-            _cloud_of(f"clouds[{place}]", cloud)
+            self._cloud_of(f"clouds[{place}]", cloud)
             if isinstance(cloud, Mapping)
             else read_cloud_file(Path(cloud), FileAccess(Path(cloud), limits=self.limits, where="Splats"))
             for place, cloud in enumerate(self.listed())
         ]
+
+    def _cloud_of(self, name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
+        read = _arrays_of(name, arrays)
+        return GaussianCloud(name=name, least_response=self.least_response, least_alpha=self.least_alpha, **read)
 
 
 def check_splats(splats: Any) -> list[Splats]:
@@ -123,7 +131,8 @@ def _on_host(values: Any) -> Any:
     return values.numpy() if hasattr(values, "numpy") else values
 
 
-def _cloud_of(name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
+def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """The arrays of a cloud, float32, with those that were left out."""
     unknown = [key for key in arrays if key not in (*REQUIRED, *OPTIONAL)]
     missing = [key for key in REQUIRED if key not in arrays]
     if unknown or missing:
@@ -140,7 +149,7 @@ def _cloud_of(name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
         raise WarpcamError(f"splats '{name}': opacities must be in [0, 1]")
     if not (read["scales"] >= 0.0).all():
         raise WarpcamError(f"splats '{name}': scales must not be below 0")
-    return GaussianCloud(name=name, least_response=MIN_RESPONSE, **read)
+    return read
 
 
 def _floats(name: str, key: str, values: Any) -> np.ndarray:

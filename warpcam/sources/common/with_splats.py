@@ -38,7 +38,8 @@ class SplatSource:
         own = source.parts
         clouds = [each.read() for each in splats]
         bodies = [WORLD if each.body is None else find_body(own, each.body, "Splats: body") for each in splats]
-        self.parts = _extended(own, clouds, bodies)
+        opaque = any(each.opaque for each in splats)
+        self.parts = replace(_extended(own, clouds, bodies), opaque_splats=opaque)
         choices = np.stack([each.choices(own.num_worlds) for each in splats], axis=1)
         turns = rotation_matrices(np.array([each.rotation for each in splats], np.float64))
         counts = [len(each) for each in clouds]
