@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.gaussians import PackedGaussians, pack_gaussians
+from warpcam.accel.gaussians import pack_gaussians
 from warpcam.accel.heightfields import num_faces, pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.core import device as device_rule
@@ -58,6 +58,7 @@ class Scene:
             "bodies": len(parts.bodies),
             "cameras": len(parts.cameras),
             "terms of the sky": SKY_TERMS + 1,
+            "splats": len(parts.splat_counts),
         }
         self._fields = live_arrays_of(parts)
         check_description(parts, self._counts)
@@ -82,7 +83,7 @@ class Scene:
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
-        self._splats = self._pack_splats()
+        self._splats = pack_gaussians(parts.clouds, self._clouds(), self.device) if self._clouds() else None
         self._drawn, self._casting = (
             None if columns is None else self._ints(columns) for columns in (parts.drawn, parts.casting)
         )
@@ -148,8 +149,9 @@ class Scene:
 
     def count_of(self, name: str) -> int | None:
         """Return the number of values that the indices in an array of ``vary`` may take, None for other arrays."""
-        images = len(self._parts.textures)
-        return {"shape_materials": self._parts.num_materials, "material_texture": images, "skybox": images}.get(name)
+        parts, images = self._parts, len(self._parts.textures)
+        counts = {"shape_materials": parts.num_materials, "material_texture": images, "skybox": images}
+        return min(parts.splat_counts) if name == "splat_choice" else counts.get(name)
 
     def cubes(self) -> list[int]:
         """Textures that may be a skybox."""
@@ -231,8 +233,8 @@ class Scene:
         afterwards, for some names need kernels of their own.
 
         Args:
-            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", or one that begins with
-                "material_" or "light_": see docs/randomize.md.
+            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", "splat_choice", or one that
+                begins with "material_" or "light_": see docs/randomize.md.
         """
         if not isinstance(name, str) or name not in self._own:
             self.tables()
@@ -346,6 +348,7 @@ class Scene:
             moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
+            opaque_splats=parts.opaque_splats,
             splat_limits=parts.splat_limits,
             labels=self._labels,
             casters=None if self._casting is None else self._shapes(arrays, self._casting),
@@ -361,10 +364,6 @@ class Scene:
 
     def _ints(self, values: Any) -> wp.array:
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=self.device)
-
-    def _pack_splats(self) -> PackedGaussians | None:
-        columns = self._clouds()
-        return pack_gaussians(self._parts.clouds, columns, self.device) if columns else None
 
     def _clouds(self) -> list[int]:
         return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]

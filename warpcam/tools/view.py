@@ -34,13 +34,14 @@ def run(options: argparse.Namespace) -> int:
     from warpcam.viewer import Viewer  # which needs viser
 
     width, height, device = scene_options.check(options)
+    splats = scene_options.splats_of(options)
     path, simulation = options.scene or batch_file.DEMO, None
     if path.suffix.lower() in (*formats.USD, *formats.MESHES):
         scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
     else:
         access = FileAccess(path, **scene_access.options_of(options))
         simulation = Simulation(path, options.worlds, options.seed, access)
-        scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device)
+        scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device, splats=splats)
     viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port, look=options.look)
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
     try:
