@@ -261,4 +261,7 @@ class Splats:
     # is linear light; 0 where no cloud has any. With them the display colour is the part of all rays
     harmonics: wp.array(dtype=wp.vec4)
     harmonic_rows: wp.int32
+    # (gaussian,) place of each in the arrays that clouds were given as, of all clouds one after another; empty where
+    # their Gaussians never change
+    order: wp.array(dtype=wp.int32)
     bits: wp.int32  # of 32: what is below names a Gaussian within its cloud, what is above the place in `columns`

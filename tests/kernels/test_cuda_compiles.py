@@ -240,6 +240,17 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     assert _compile(card, folder) >= 3
 
 
+def test_of_splats_by_world(card: list[launch.Stage], folder: Path) -> None:
+    """Colours that depend on the ray, and what places the clouds."""
+    mjm = scenes.compile_xml(FEW + LIGHTS, assets=ASSETS)
+    cloud = {"positions": np.zeros((1, 3)), "scales": np.ones((1, 3)), "colors": np.ones((1, 3))}
+    splats = wc.Splats([cloud, {**cloud, "harmonics": np.ones((1, 15, 3))}], choice=[0, 1])
+    scene = wc.from_mujoco(mjm, [scenes.forward(mjm)] * 2, splats=splats)
+    wc.Renderer(scene, [scenes.own_camera(width=64, height=64, outputs=("rgb", "depth"))])
+    found = [stage for stage in card if "splats" in stage.module.name or "clouds" in stage.module.name]
+    assert _compile(found, folder) >= 1
+
+
 @pytest.mark.parametrize("echoes", [1, 2])
 def test_of_lidars(echoes: int, card: list[launch.Stage], folder: Path, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"

@@ -14,6 +14,7 @@ from warpcam.kernels.types import Splats
 
 MIN_ALPHA = 1.0 / 255.0  # what adds less is not drawn
 MAX_CLOUDS = 128  # shapes of this type in a world
+SMALLEST = 1e-12  # scale that Gaussians are taken to have at least [m]
 MAX_ROWS = 2**31 - 1
 LINEAR = 16  # in the first row of a Gaussian's harmonics: see Splats in kernels/types.py
 
@@ -34,6 +35,7 @@ class GaussianCloud:
         least_alpha: In (0, 1): where its alpha falls to this it ends, too.
         harmonics: (gaussian, 3, 8 or 15, 3) float32, coefficients of real spherical harmonics of degrees 1, 2 and 3 in
             the direction of the ray in the cloud's frame, which add to the colour; None: it has none.
+        changes: Whether its Gaussians may be written anew: then also those are kept that cannot be seen now.
         linear: Whether the sum of ``colors`` and ``harmonics`` is linear light, which is encoded for display.
     """
 
@@ -47,6 +49,7 @@ class GaussianCloud:
     least_alpha: float = MIN_ALPHA
     harmonics: np.ndarray | None = None
     linear: bool = False
+    changes: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +82,7 @@ def pack_gaussians(clouds: Sequence[GaussianCloud], columns: Sequence[int], devi
         raise WarpcamError(f"splats: {len(columns)} shapes came, at most {MAX_CLOUDS} are allowed")
     heads, nodes, rows = np.zeros((len(clouds), 4), np.float32), [], []
     harmonic_rows = max([0, *(cloud.harmonics.shape[1] for cloud in clouds if cloud.harmonics is not None)])
-    harmonics = []
+    harmonics, places, given = [], [], 0
     lower, upper = np.zeros((len(clouds), 3), np.float32), np.full((len(clouds), 3), -1.0, np.float32)
     node_rows = num_gaussians = most = 0
     for index, cloud in enumerate(clouds):
@@ -97,6 +100,8 @@ def pack_gaussians(clouds: Sequence[GaussianCloud], columns: Sequence[int], devi
         nodes.append(tree)
         rows.append(gaussians.reshape(-1, 4))
         harmonics.append(_harmonics(cloud, order, harmonic_rows))
+        places.append(order + given if cloud.changes else order[:0])
+        given += len(cloud.positions)
         node_rows += len(tree)
         num_gaussians += len(gaussians)
         most = max(most, len(gaussians))
@@ -111,6 +116,7 @@ def pack_gaussians(clouds: Sequence[GaussianCloud], columns: Sequence[int], devi
     table.nodes = wp.array(_joined(nodes), dtype=wp.vec4, device=device)
     table.gaussians = wp.array(_joined(rows), dtype=wp.vec4, device=device)
     table.harmonics = wp.array(_joined(harmonics), dtype=wp.vec4, device=device)
+    table.order = wp.array(np.concatenate([np.zeros(0, np.int32), *places]), dtype=wp.int32, device=device)
     table.harmonic_rows, table.bits = harmonic_rows, bits
     return PackedGaussians(table, lower, upper)
 
@@ -125,9 +131,10 @@ def _gaussians(cloud: GaussianCloud) -> tuple[np.ndarray, np.ndarray, np.ndarray
     seen = _seen(cloud)
     centers = cloud.positions[seen].astype(np.float64)
     opacities, scales = cloud.opacities[seen].astype(np.float64), cloud.scales[seen].astype(np.float64)
+    opacities = np.maximum(opacities, (1.0 + 1e-6) * cloud.least_alpha)  # of those that are kept nevertheless
     reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / cloud.least_alpha))
     axes = rotation_matrices(cloud.rotations[seen].astype(np.float64))  # columns
-    radii = scales * np.sqrt(reach)[:, None]
+    radii = np.maximum(scales, SMALLEST) * np.sqrt(reach)[:, None]
     rows = np.zeros((len(centers), 4, 4), np.float32)
     rows[:, :3, :3] = (axes / radii[:, None, :]).transpose(0, 2, 1)
     rows[:, :3, 3] = centers
@@ -140,7 +147,7 @@ def _gaussians(cloud: GaussianCloud) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def _seen(cloud: GaussianCloud) -> np.ndarray:
     seen: np.ndarray = (cloud.opacities > cloud.least_alpha) & (cloud.scales > 0.0).all(axis=1)
-    return seen
+    return seen | cloud.changes
 
 
 def _harmonics(cloud: GaussianCloud, order: np.ndarray, rows: int) -> np.ndarray:

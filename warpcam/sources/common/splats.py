@@ -50,6 +50,7 @@ class Splats:
     least_response: ClassVar[float] = MIN_RESPONSE
     least_alpha: ClassVar[float] = MIN_ALPHA
     opaque: ClassVar[bool] = False  # see SceneDescription.opaque_splats
+    changes: ClassVar[bool] = False  # see GaussianCloud
 
     def __post_init__(self) -> None:
         for cloud in self.listed():
@@ -111,7 +112,18 @@ class Splats:
 
     def _cloud_of(self, name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
         read = _arrays_of(name, arrays)
-        return GaussianCloud(name=name, least_response=self.least_response, least_alpha=self.least_alpha, **read)
+        return GaussianCloud(
+            name=name,
+            positions=read["positions"],
+            rotations=read["rotations"],
+            scales=read["scales"],
+            opacities=read["opacities"],
+            colors=read["colors"],
+            least_response=self.least_response,
+            least_alpha=self.least_alpha,
+            harmonics=read.get("harmonics"),
+            changes=self.changes,
+        )
 
 
 def check_splats(splats: Any) -> list[Splats]:
