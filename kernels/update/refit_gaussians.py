@@ -121,6 +121,8 @@ def bind_refit_gaussians(live: Any, splats: Any, device: wp.Device) -> list[Stag
         splats: The table of the clouds.
         device: Of both. This waits for it.
     """
+    if splats.order.shape[0] == 0:
+        return []
     heads = splats.clouds.numpy().view(np.int32)[:, :2]
     nodes = splats.nodes.numpy().reshape(-1, 4, 2, 4)
     codes = np.ascontiguousarray(nodes[:, :, 0, 3]).view(np.int32)

@@ -90,6 +90,11 @@ def test_by_definition(device: wp.Device, rgba: tuple[float, ...], count: int) -
     assert (seen["seg"] == plain["seg"]).all()
 
 
+def test_no_gaussians(device: wp.Device) -> None:
+    seen, plain = (seen_by(ours, device, 1, **options) for options in (gaussians(0, seed=0), {}))
+    assert all((seen[name] == plain[name]).all() for name in plain)
+
+
 def test_refit(device: wp.Device) -> None:
     """Gaussians that are written anew, some of them seen for the first time, are drawn as new ones are."""
     before, after = gaussians(300, seed=1), gaussians(300, seed=2)

@@ -72,6 +72,8 @@ def test_degrees_mix(device: wp.Device) -> None:
     constant = np.array((0.4, 0.5, 0.6))
     clouds = [opaque(colors=[constant]), opaque(colors=[constant], harmonics=harmonics)]
     plain, _ = see(device, wc.Splats(clouds))
+    same, _ = see(device, wc.Splats(clouds[0]))  # in a scene whose kernel knows of no harmonics
+    assert np.array_equal(plain["rgb"], same["rgb"])
     assert np.abs(plain["rgb"] * STEP - constant).max() < 2.0 * STEP
     colored, directions = see(device, wc.Splats(clouds, choice=1))
     assert np.abs(colored["rgb"] * STEP - colors(constant, harmonics[0], directions)).max() < 2.5 * STEP
