@@ -166,6 +166,7 @@ class SplatFlag(IntFlag):
     # As MuJoCo-Warp draws clouds: they are the surface where less light comes through than 0.005, and a ray ends there;
     # a Gaussian ends at an alpha of 0.01; ids are those of what is behind
     OPAQUE = 65536
+    HARMONICS = 131072  # colours depend on the ray
 
 
 def geometry_of(shape_types: Iterable[int]) -> GeometryFlag:

@@ -256,4 +256,12 @@ class Splats:
     # (row,) a Gaussian is 4 rows, in leaf order: three rows of the matrix that takes its ellipsoid, outside of which it
     # is not seen, to the unit sphere, each with one coordinate of the centre; display colour, opacity
     gaussians: wp.array(dtype=wp.vec4)
+    # (row,) coefficients of the harmonics of a Gaussian, red, green, blue, are `harmonic_rows` rows, in the order of
+    # `gaussians`; the first has beside them as int bits how many there are, 0, 3, 8 or 15, and 16 where the sum of all
+    # is linear light; 0 where no cloud has any. With them the display colour is the part of all rays
+    harmonics: wp.array(dtype=wp.vec4)
+    harmonic_rows: wp.int32
+    # (gaussian,) place of each in the arrays that clouds were given as, of all clouds one after another; empty where
+    # their Gaussians never change
+    order: wp.array(dtype=wp.int32)
     bits: wp.int32  # of 32: what is below names a Gaussian within its cloud, what is above the place in `columns`

@@ -17,11 +17,13 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import sensors
+from warpcam.compat.mujoco_warp.splats import ContextSplats
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan import edges
 from warpcam.kernels.runtime import compile as compilation
 from warpcam.kernels.runtime import launch
 from warpcam.kernels.update import refit
+from warpcam.kernels.update.refit_gaussians import GaussianArrays, bind_refit_gaussians
 from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
@@ -238,6 +240,18 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, folder) >= 3
+
+
+def test_of_splats_by_world(card: list[launch.Stage], folder: Path) -> None:
+    """Colours that depend on the ray, and what places the clouds."""
+    mjm = scenes.compile_xml(FEW + LIGHTS, assets=ASSETS)
+    cloud = {"positions": np.zeros((1, 3)), "scales": np.ones((1, 3)), "colors": np.ones((1, 3))}
+    splats = ContextSplats([cloud, {**cloud, "harmonics": np.ones((1, 15, 3))}], choice=[0, 1])
+    scene = wc.from_mujoco(mjm, [scenes.forward(mjm)] * 2, splats=splats)
+    wc.Renderer(scene, [scenes.own_camera(width=64, height=64, outputs=("rgb", "depth"))])
+    found = [stage for stage in card if "splats" in stage.module.name]
+    trees = bind_refit_gaussians(GaussianArrays(), scene.tables().splats, scene.device)
+    assert _compile([*found, *scene.stages(), *trees], folder) == 4
 
 
 @pytest.mark.parametrize("echoes", [1, 2])

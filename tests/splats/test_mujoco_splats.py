@@ -85,12 +85,17 @@ def test_they_move_with_a_body(device: wp.Device) -> None:
     splats = wc.Splats(cloud(RED, positions=[(0.1, 0.0, 0.0)]), body="cart", position=(0.0, 0.0, 0.2), rotation=turned)
     scene, d = scene_of([splats], device)
     renderer = wc.Renderer(scene, [eye()])
-    for shift in (0.0, -0.3):
+    for shift, rotation, middle in (
+        (0.0, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.4 + 0.2 - 0.1)),
+        (-0.3, (1.0, 0.0, 0.0, 0.0), (-0.3, 0.0, 0.4 + 0.2 - 0.1)),
+        (-0.3, turned, (-0.3 + 0.2 - 0.1, 0.0, 0.4)),  # z to x, and what was -z to -x
+    ):
         scenes.write(d.qpos, (slice(None), 0), shift)
+        scenes.write(d.qpos, (slice(None), slice(3, 7)), rotation)
         with wp.ScopedDevice(device):
             seen = scenes.on_host(renderer.render(forward=True)["eye"])
-        expected = alphas((shift, 0.0, 0.4 + 0.2 - 0.1))[..., None] * np.array(RED)
-        assert np.abs(seen["rgb"] * STEP - expected)[:, :, :18].max() < 1.5 * STEP
+        expected = alphas(middle)[..., None] * np.array(RED)
+        assert np.abs(seen["rgb"] * STEP - expected)[:, :14, :18].max() < 1.5 * STEP  # apart from the ball
     row, column = np.argwhere(seen["segmentation"][0] == 2)[0]
     assert (seen["bodies"][:, row, column] == 1).all()
 

@@ -14,7 +14,7 @@ from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE
 from warpcam.sources.common.splat_files import read_cloud_file
 
 REQUIRED = ("positions", "scales", "colors")
-OPTIONAL = ("rotations", "opacities")
+OPTIONAL = ("rotations", "opacities", "harmonics")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,8 @@ class Splats:
         clouds: One or a sequence of: the path of a .ply file as training of splats writes it; or a mapping with arrays
             of Gaussians: ``positions`` (n, 3), centres [m]; ``scales`` (n, 3), standard deviations along the axes [m];
             ``colors`` (n, 3), display colours; ``rotations`` (n, 4), quaternions w x y z, without them none is rotated;
-            ``opacities`` (n,) in [0, 1], without them 1.
+            ``opacities`` (n,) in [0, 1], without them 1; ``harmonics`` (n, 3, 8 or 15, 3), coefficients of spherical
+            harmonics of degrees 1, 2 and 3, which add to ``colors`` by the direction of the ray in the clouds' frame.
         body: Name or index of the body that the clouds move with; None is the world.
         position: (3,) of the clouds' origin in the body's frame [m].
         rotation: (4,) quaternion w x y z from the clouds' frame to the body's.
@@ -49,6 +50,7 @@ class Splats:
     least_response: ClassVar[float] = MIN_RESPONSE
     least_alpha: ClassVar[float] = MIN_ALPHA
     opaque: ClassVar[bool] = False  # see SceneDescription.opaque_splats
+    changes: ClassVar[bool] = False  # see GaussianCloud
 
     def __post_init__(self) -> None:
         for cloud in self.listed():
@@ -110,7 +112,18 @@ class Splats:
 
     def _cloud_of(self, name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
         read = _arrays_of(name, arrays)
-        return GaussianCloud(name=name, least_response=self.least_response, least_alpha=self.least_alpha, **read)
+        return GaussianCloud(
+            name=name,
+            positions=read["positions"],
+            rotations=read["rotations"],
+            scales=read["scales"],
+            opacities=read["opacities"],
+            colors=read["colors"],
+            least_response=self.least_response,
+            least_alpha=self.least_alpha,
+            harmonics=read.get("harmonics"),
+            changes=self.changes,
+        )
 
 
 def check_splats(splats: Any) -> list[Splats]:
