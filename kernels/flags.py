@@ -139,6 +139,8 @@ class ShadingFlag(IntFlag):
     ACES = 1 << 26
     KHRONOS_NEUTRAL = 1 << 27
     AGX = 1 << 28
+    HAS_ENVIRONMENT = 1 << 29  # an image in float lights the scene: native/shading/environment_map.h
+    SHOWS_ENVIRONMENT = 1 << 30  # and is behind everything
 
 
 NO_SHADING_FLAGS = ShadingFlag(0)

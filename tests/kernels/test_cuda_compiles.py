@@ -79,6 +79,7 @@ def _render(
     size: tuple[int, int] = (64, 64),
     backs: bool = False,
     look: Any = None,
+    sky: bool = False,
     **options: Any,
 ) -> None:
     position = (0.0, -2.0, 0.6)
@@ -90,7 +91,9 @@ def _render(
         rotation=scenes.looking(position, (0.0, 0.0, 0.0)),
         **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
     )
-    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs), [camera], look=look)
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs)
+    environments = wc.Environments(scene, np.ones((4, 8, 3), np.float32)) if sky else None
+    wc.Renderer(scene, [camera], look=look, environments=environments)
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -210,6 +213,13 @@ def test_of_tone_mapping(look: str, curve: str, card: list[launch.Stage], folder
     _render(mjm, ("rgba", "depth"), look=look, tone_mapping=curve)
     name = "trace_paths" if look == "path" else "write_images"
     assert _compile([stage for stage in card if name in stage.module.name], folder) == 1
+
+
+@pytest.mark.parametrize("look", ["pbr", "path"])
+def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> None:
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
+    names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 2
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])

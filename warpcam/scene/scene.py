@@ -298,8 +298,8 @@ class Scene:
         """The tables with a background of one colour instead of the scene's own, or as they are for None."""
         if color is None:
             return tables
-        variety = without_background(tables.world_overrides, self.device)
-        return replace(tables, background=self.background(color), has_skybox=False, world_overrides=variety)
+        plain, variety = self.background(color), without_background(tables.world_overrides, self.device)
+        return replace(tables, background=plain, has_skybox=False, shows_environment=False, world_overrides=variety)
 
     def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> SceneTables:
         parts = self._parts

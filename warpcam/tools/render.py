@@ -78,6 +78,12 @@ def add(command: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
+        "--environment",
+        type=Path,
+        metavar="FILE",
+        help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
+    )
+    command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
@@ -124,7 +130,8 @@ def run(options: argparse.Namespace) -> int:
             )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
+        environments = None if options.environment is None else warpcam.Environments(scene, options.environment)
+        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths, environments=environments)
         look = renderer.render if model is None else _rig(renderer, cameras, model, options.seed).read
         progress.update(steps, description="first frame", advance=1)
         images = look()
