@@ -264,6 +264,21 @@ def test_of_splats_by_world(card: list[launch.Stage], folder: Path) -> None:
     assert _compile([*found, *scene.stages(), *trees], folder) == 4
 
 
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Fisheye(fovy=100.0)])
+def test_of_labels(lens: Any, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Amodal masks are traced, of each instance alone."""
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<body name="base"><geom size=".1"/></body>', assets=ASSETS + HILLS)
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10))
+    camera = scenes.own_camera(width=64, height=64, outputs=("depth", "segmentation", "bodies"), lens=lens)
+    renderer = wc.Renderer(scene, [camera])
+    card.clear()
+    monkeypatch.setattr("warpcam.labeling.labels.prepare", card.extend)
+    wc.labels(renderer, keypoints={"middle": (1, (0.0, 0.0, 0.0))})
+    assert any("cover_instance" in stage.module.name for stage in card)
+    assert _compile(card, folder) >= 4
+
+
 @pytest.mark.parametrize("echoes", [1, 2])
 def test_of_lidars(echoes: int, card: list[launch.Stage], folder: Path, tmp_path: Path) -> None:
     table = tmp_path / "table.csv"
