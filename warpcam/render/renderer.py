@@ -29,6 +29,7 @@ from warpcam.render.looks import Look, LookName
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
 from warpcam.render.paths import PathOptions
 from warpcam.render.recordings import Recording, Recordings
+from warpcam.render.rendered_tensors import Images, RenderedTensors
 from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
 from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
@@ -40,10 +41,8 @@ CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
 TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
-Images = dict[str | int, dict[str, torch_interop.Tensor]]
 
-
-class Renderer:
+class Renderer(RenderedTensors):
     """Renders the cameras of a scene, all worlds at once.
 
     Building one allocates all memory and compiles all kernels; ``render`` does neither.
@@ -108,13 +107,9 @@ class Renderer:
         self._scratch = Scratch(self._cameras, plans, scene.num_worlds, scene.device)
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
-        self.faulty = torch_interop.to_torch(self._faults)
-        counters = self._counters = FrameCounters.of(scene.num_worlds, scene.device)
-        self.frames, self.times = map(torch_interop.to_torch, (counters.frames, counters.times))
-        self.images: Images = {
-            key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
-            for key, target in self._passes.items()
-        }
+        self._counters = FrameCounters.of(scene.num_worlds, scene.device)
+        images = {key: target.images for key, target in self._passes.items()}
+        super().__init__(images, self._faults, self._counters, scene.device)
         self._arrays = {
             key: CameraArrays(self._cameras[key].where, binding.arrays, scene.num_worlds, scene.device)
             for key, binding in self._bindings.items()
@@ -140,10 +135,11 @@ class Renderer:
         Returns:
             ``images``.
         """
-        return self.draw(worlds, forward, "render")
+        self.draw(worlds, forward, "render")
+        return self.images
 
-    def draw(self, worlds: Any, forward: bool, call: str) -> Images:
-        """Render for a sensor, whose ``call`` begins the texts of errors."""
+    def draw(self, worlds: Any, forward: bool, call: str) -> None:
+        """Render for a sensor or a command, whose ``call`` begins the texts of errors; makes no tensors."""
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
         with self.lock, memory_told(call), torch_interop.in_order(self._device) as capturing:
@@ -166,7 +162,6 @@ class Renderer:
                 self._is_checked = True
                 tell_faults(self._faults)
         self._has_drawn = True
-        return self.images
 
     def accumulate(self, samples: int) -> Images:
         """Add paths to each pixel of the last frame, in the worlds that it drew, and show the mean of all.

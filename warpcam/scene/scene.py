@@ -222,7 +222,7 @@ class Scene:
             raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
         return self._arrays[field]
 
-    def vary(self, name: str) -> torch_interop.Tensor:
+    def vary(self, name: str) -> "torch_interop.Tensor":
         """Give every world its own value of something: a tensor (world, ...) on the scene's device.
 
         Write it in place, at any time; the next render shows it. It begins with what the scene has now, and from then
