@@ -11,7 +11,8 @@ from warpcam.core import torch_interop
 from warpcam.core.torch_interop import torch
 from warpcam.kernels.passes.views import FrameCounters
 
-Images = dict[str | int, dict[str, "torch.Tensor"]]
+# In the words of all modules that annotate with it, as nothing but their names resolves it.
+Images = dict[str | int, dict[str, "torch_interop.Tensor"]]
 
 
 class RenderedTensors:
