@@ -11,7 +11,7 @@ from warpcam.core import torch_interop
 from warpcam.core.torch_interop import torch
 from warpcam.kernels.passes.views import FrameCounters
 
-# In the words of all modules that annotate with it, as nothing but their names resolves it.
+# `torch_interop` is a name in every module that annotates with it: hints are evaluated there.
 Images = dict[str | int, dict[str, "torch_interop.Tensor"]]
 
 
