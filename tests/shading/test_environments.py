@@ -10,6 +10,7 @@ import warp as wp
 from path_scenes import inside
 
 import warpcam as wc
+from warpcam.kernels.build import environment_maps
 
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import FOVY, SIZE, add_ball, add_sun, ball_normals
@@ -24,7 +25,13 @@ OPTIMIZED = os.environ.get("WARPCAM_TESTS") == "optimized"
 SAMPLES, NOISE = (1024, 0.0) if OPTIMIZED else (128, 0.05)  # paths beside the real-time look, and what they add
 
 
-def drawn(scene: wc.Scene, look: Any, environments: Any, samples: int = 64, camera: Any = CAMERA) -> np.ndarray:
+@pytest.fixture(autouse=True)
+def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps no larger than these images ask for; test_environment_maps has those of users."""
+    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)
+
+
+def drawn(scene: wc.Scene, look: Any, environments: Any, samples: int = 16, camera: Any = CAMERA) -> np.ndarray:
     """Light in all worlds, (world, row, column, 3)."""
     paths = wc.PathOptions(samples=samples) if look == "path" else None
     renderer = wc.Renderer(scene, [camera], look=look, path=paths, environments=environments)
@@ -57,14 +64,14 @@ def test_irradiance(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     gain = np.array((1.0, 2.0, 0.5))
     environments = wc.Environments(scene, image, yaw=35.0, rotation=TILTED, intensity=gain)
     hit, normals, _ = ball_normals()
-    seen = drawn(scene, look, environments, 256)[0][hit]
+    seen = drawn(scene, look, environments, 64)[0][hit]
     truth = gain * sky_images.irradiance(image, normals @ sky_images.turn_of(TILTED, 35.0))
     middle = inside(hit)[hit]
     if look == "pbr":
         np.testing.assert_allclose(seen[middle], truth[middle], rtol=2e-3)
     else:
         np.testing.assert_allclose(seen[middle].mean(axis=0), truth[middle].mean(axis=0), rtol=3e-3)
-        assert np.abs(seen[middle] / truth[middle] - 1.0).mean() < 0.05
+        assert np.abs(seen[middle] / truth[middle] - 1.0).mean() < 0.08
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -72,7 +79,7 @@ def test_what_is_behind(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     """Each pixel shows its direction's light."""
     scene = ball(stage, device)
     image = sky_images.image_of(sky_images.smooth_radiance, 128, 256)
-    seen = drawn(scene, look, wc.Environments(scene, image, yaw=-50.0, rotation=TILTED))[0]
+    seen = drawn(scene, look, wc.Environments(scene, image, yaw=-50.0, rotation=TILTED), 64)[0]
     at = ((np.arange(SIZE) + 0.5) / SIZE * 2.0 - 1.0) * np.tan(np.radians(0.5 * FOVY))
     x, y = np.meshgrid(at, -at)
     rays = np.stack((x, y, -np.ones_like(x)), axis=-1)
@@ -90,7 +97,7 @@ def test_a_quarter_turn_moves_columns(stage: Usd.Stage, look: str, device: wp.De
     rolled = np.roll(image, -8, axis=1)
     pair = wc.Environments(scene, [image, rolled], index=[0, 1], yaw=[90.0, 0.0], rotation=TILTED)
     # Paths draw the same numbers, but from another row of sums: what they draw differs, what they mean does not.
-    one, other = drawn(scene, look, pair, 128)
+    one, other = drawn(scene, look, pair, 32)
     hit = ball_normals()[0]
     np.testing.assert_allclose(one[inside(~hit)], other[inside(~hit)], rtol=0.02 if look == "path" else 1e-4)
     if look == "pbr":
@@ -161,7 +168,7 @@ def test_a_background_of_the_camera(stage: Usd.Stage, look: str, device: wp.Devi
     """It is seen in place of the image, which lights all the same."""
     scene = ball(stage, device)
     camera = wc.Camera("c", width=SIZE, height=SIZE, background=(0.0, 0.0, 0.0), **PLACED)
-    seen = drawn(scene, look, wc.Environments(scene, np.full((4, 8, 3), 0.7, np.float32)), 64, camera)[0]
+    seen = drawn(scene, look, wc.Environments(scene, np.full((4, 8, 3), 0.7, np.float32)), camera=camera)[0]
     assert (seen[0, 0] == 0.0).all()
     assert seen[inside(ball_normals()[0])].mean() == pytest.approx(0.7, rel=5e-3)
 
