@@ -1,5 +1,6 @@
 """A scene in a browser: whoever opens the page looks around in it with a camera of their own."""
 
+import socket
 import time
 from typing import Any, NamedTuple
 
@@ -34,6 +35,19 @@ QUALITY = 85  # of the pictures, which are sent as JPEG
 MOST_SAMPLES = 4096  # paths of each pixel, after which a picture is left as it is
 MOST_ADDED = 256  # between two pictures
 PACE = 1.0 / 15.0  # of pictures that are refined [s]: about so long are paths added to each
+
+
+def _check_host(host: Any) -> None:
+    """Refuse what no server of this machine can listen at, for which viser's would wait without end."""
+    allowed = 'Viewer: host must be an address of this machine like "127.0.0.1"'
+    if not isinstance(host, str):
+        raise WarpcamError(f"{allowed}, got {host!r}")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as free:
+            free.bind(address)
+    except (OSError, UnicodeError) as error:
+        raise WarpcamError(f"{allowed}, got {host!r}: {error}") from None
 
 
 class ClientCamera(NamedTuple):
@@ -122,8 +136,7 @@ class Viewer:
         for name, value, most in (("width", width, 8192), ("height", height, 8192), ("port", port, 65535)):
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
                 raise WarpcamError(f"Viewer: {name} must be a whole number from 1 to {most}, got {value!r}")
-        if not isinstance(host, str):
-            raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
+        _check_host(host)
         self._scene, self._width, self._height = scene, int(width), int(height)
         self._renderer: tuple[tuple[str | None, ...], Renderer, Rig | None] | None = None
         self._shown: dict[int, ShownPicture] = {}

@@ -131,7 +131,7 @@ def test_a_small_sun_is_a_distant_light(stage: Usd.Stage, device: wp.Device) -> 
 def test_worlds_have_their_own(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     """Which image, how bright; -1 is none. Arrays are written in place."""
     scene = ball(stage, device, 4)
-    images = [np.full((4, 8, 3), light, np.float32) for light in (0.5, (0.1, 0.2, 0.4))]
+    images = [np.full(size, light, np.float32) for size, light in (((4, 8, 3), 0.5), ((6, 10, 3), (0.1, 0.2, 0.4)))]
     environments = wc.Environments(scene, images, index=[0, 1, -1, 1], intensity=[1.0, 1.0, 1.0, 2.0])
     paths = wc.PathOptions(samples=16) if look == "path" else None
     renderer = wc.Renderer(scene, [CAMERA], look=look, path=paths, environments=environments)
@@ -182,6 +182,8 @@ def test_refusals(stage: Usd.Stage, device: wp.Device) -> None:
         ([image, -image], r"images\[1\] must be finite and at least 0"),
         ([image, image * np.inf], r"images\[1\] must be finite"),
         ([], "images must be a file"),
+        ([image, -image[1:]], r"images\[1\] must be finite and at least 0"),
+        (None, "images must be a file, .* got NoneType"),
         ("sky.png", "allowed are files .hdr and .exr"),
     ):
         with pytest.raises(wc.WarpcamError, match=says):

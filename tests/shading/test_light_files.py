@@ -77,6 +77,34 @@ def test_refusals(tmp_path: Path, light: np.ndarray) -> None:
             read_light(tmp_path / name, None, "images")
 
 
+@pytest.mark.parametrize(
+    ("origin", "size", "says"),
+    [
+        ((4, 2), (40, 30), "pixels of 20x12 at 4, 2, and its image is 40x30 at 0, 0"),
+        ((-5, -1), (10, 10), "pixels of 20x12 at -5, -1, and its image is 10x10 at 0, 0"),
+    ],
+)
+def test_a_part_of_an_image_is_refused(
+    tmp_path: Path, light: np.ndarray, origin: tuple[int, int], size: tuple[int, int], says: str
+) -> None:
+    spec = oiio.ImageSpec(20, 12, 3, "float")
+    (spec.x, spec.y), (spec.full_width, spec.full_height) = origin, size
+    path = str(tmp_path / "part.exr")
+    output = oiio.ImageOutput.create(path)
+    assert output.open(path, spec) and output.write_image(light)
+    output.close()
+    with pytest.raises(wc.WarpcamError, match=f"{says}; allowed are whole images"):
+        read_light(path, None, "images")
+
+
+@pytest.mark.parametrize("order", ["+Y 2 +X 2", "-Y 2 -X 2"])
+def test_rows_in_another_order_are_refused(tmp_path: Path, order: str) -> None:
+    path = tmp_path / "turned.hdr"
+    path.write_bytes(f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n{order}\n".encode() + bytes([128, 0, 0, 129]) * 4)
+    with pytest.raises(wc.WarpcamError, match="its pixels in another order"):
+        read_light(path, None, "images")
+
+
 def test_a_scene_takes_them(tmp_path: Path, light: np.ndarray, device: wp.Device) -> None:
     mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")

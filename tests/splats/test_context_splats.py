@@ -7,6 +7,7 @@ import mujoco_warp as mjw
 import numpy as np
 import pytest
 import scenes
+import torch
 import warp as wp
 
 import warpcam as wc
@@ -127,6 +128,8 @@ def test_refit(device: wp.Device) -> None:
         ({"splat_rgba": None}, "splat_position, splat_rotation, splat_scale came without splat_rgba"),
         ({"splat_scale": np.ones((3, 2))}, r"splat_scale must have shape \(3, 3\), got \(3, 2\)"),
         ({"splat_rotation": "none"}, "splat_rotation must be an array of numbers, got 'none'"),
+        ({"splat_scale": torch.ones((3, 2), requires_grad=True)}, r"splat_scale must have shape \(3, 3\), got"),
+        ({"splat_scale": np.full((3, 2), 1e300)}, r"splat_scale must have shape \(3, 3\), got"),
         ({"splat_adr": [0, 2]}, "splat_adr must ascend from 0 to 3, the number of Gaussians"),
         ({"splat_adr": [0, 3, 2, 3]}, "splat_adr must ascend from 0 to 3"),
         ({"splat_group_id": [1]}, "splat_group_id must have a group from 0 to 0 for each of 1 worlds, got"),

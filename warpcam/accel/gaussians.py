@@ -15,6 +15,7 @@ from warpcam.kernels.types import Splats
 MIN_ALPHA = 1.0 / 255.0  # what adds less is not drawn
 MAX_CLOUDS = 128  # shapes of this type in a world
 SMALLEST = 1e-12  # scale that Gaussians are taken to have at least [m]
+MOST = 1e18  # that numbers of Gaussians are below
 MAX_ROWS = 2**31 - 1
 LINEAR = 16  # in the first row of a Gaussian's harmonics: see Splats in kernels/types.py
 
@@ -174,11 +175,12 @@ def _check(cloud: GaussianCloud) -> None:
         values = getattr(cloud, what)
         if values.shape != shape:
             raise WarpcamError(f"splats '{cloud.name}': {what} must have shape {shape}, got {values.shape}")
-        good = np.abs(values) < 1e18
+        good = np.abs(values) < MOST
         if not good.all():
             row = int(np.argmin(good.reshape(count, -1).all(axis=1)))
             raise WarpcamError(
-                f"splats '{cloud.name}': {what} must be finite, got {values[row].tolist()} at Gaussian {row}"
+                f"splats '{cloud.name}': {what} must be finite and below {MOST:g}, got {values[row].tolist()} at "
+                f"Gaussian {row}"
             )
     if not (np.linalg.norm(cloud.rotations, axis=1) > 0.0).all():
         raise WarpcamError(f"splats '{cloud.name}': rotations must be quaternions of any length but 0")

@@ -70,9 +70,7 @@ class Environments(WorldArrays):
         if not isinstance(scene, Scene):
             raise WarpcamError(f"{where}: scene must be made by from_usd or the like, got {type(scene).__name__}")
         worlds = scene.num_worlds
-        several = [images] if isinstance(images, str | Path) or np.ndim(images) == 3 else images
-        if not isinstance(several, Sequence) or not several:
-            raise WarpcamError(f"{where}: images must be a file, an array (height, width, 3) or a sequence of these")
+        several = _several(images)
         light = [_image(each, number, limits) for number, each in enumerate(several)]
         rotation = per_world(rotation, f"{where}: rotation", worlds, (4,))
         if not (np.linalg.norm(rotation, axis=1) > 0.0).all():
@@ -153,6 +151,21 @@ class Environments(WorldArrays):
         struct.sums = wp.array(sums, dtype=wp.float32, device=self._device)
         struct.rows = self._rows
         return struct
+
+
+def _several(images: Any) -> Sequence[Any]:
+    """Images, of which one may have come alone."""
+    try:
+        alone = isinstance(images, str | Path) or np.ndim(images) == 3
+    except (TypeError, ValueError):  # images of several sizes, or on a GPU
+        alone = False
+    several = [images] if alone else images
+    if not isinstance(several, Sequence) or not several:
+        raise WarpcamError(
+            "Environments: images must be a file, an array (height, width, 3) or a sequence of these, got "
+            f"{type(images).__name__}"
+        )
+    return several
 
 
 def _image(given: Any, number: int, limits: Limits | None) -> np.ndarray:

@@ -23,7 +23,8 @@ def read_light(path: Any, limits: Limits | None, where: str) -> np.ndarray:
 
     Raises:
         RefusedError: The file or its image is larger than the limits.
-        WarpcamError: The file cannot be read, has no colours, or holds NaNs; or OpenImageIO is not installed.
+        WarpcamError: The file cannot be read, has no colours, holds NaNs or a part of an image, or pixels in another
+            order; or OpenImageIO is not installed.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -47,12 +48,24 @@ def read_light(path: Any, limits: Limits | None, where: str) -> np.ndarray:
         channels = _colors(list(spec.channelnames))
         if source.format_name() != SUFFIXES[path.suffix.lower()] or channels is None or spec.deep:
             raise WarpcamError(f"{where}: {str(path)!r} has no red, green and blue, but {', '.join(spec.channelnames)}")
+        _require_whole(spec, f"{where}: {str(path)!r}")
         pixels = source.read_image(0, 0, 0, spec.nchannels, "float")
         if pixels is None:
             raise WarpcamError(f"{where}: {str(path)!r} cannot be read: {source.geterror()}")
     finally:
         source.close()
     return _usable(np.asarray(pixels, np.float32)[..., channels], path, where)
+
+
+def _require_whole(spec: Any, what: str) -> None:
+    """Refuse pixels that are a part of the image, or more than it, and rows that do not go down from the top."""
+    data = (spec.width, spec.height, spec.x, spec.y)
+    shown = (spec.full_width, spec.full_height, spec.full_x, spec.full_y)
+    if data != shown:
+        texts = ["{}x{} at {}, {}".format(*window) for window in (data, shown)]
+        raise WarpcamError(f"{what} has pixels of {texts[0]}, and its image is {texts[1]}; allowed are whole images")
+    if spec.get_int_attribute("Orientation", 1) != 1:
+        raise WarpcamError(f"{what} has its pixels in another order than rows from the top, each from the left")
 
 
 def _colors(names: list[str]) -> list[int] | None:

@@ -10,6 +10,7 @@ import warp as wp
 import warpcam as wc
 from warpcam.compat.mujoco_warp.arguments import SPLATS, WHERE
 from warpcam.core.errors import WarpcamError
+from warpcam.core.torch_interop import to_numpy
 from warpcam.kernels.update.refit_gaussians import GaussianArrays
 
 ATTRIBUTES = {"splat_position": 3, "splat_rotation": 4, "splat_scale": 3, "splat_rgba": 4}  # numbers of a Gaussian
@@ -88,10 +89,11 @@ def _array(name: str, value: Any, dtype: type, default: np.ndarray | None = None
     if value is None and default is not None:
         return default
     try:
-        array = np.asarray(value.numpy() if hasattr(value, "numpy") else value)
+        array = to_numpy(value)
         if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):
             raise TypeError
-        return array.astype(dtype)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+            return array.astype(dtype)
+    except (TypeError, ValueError, RuntimeError):
         needed = "whole numbers" if dtype is np.int64 else "numbers"
         raise WarpcamError(f"{WHERE}: {name} must be an array of {needed}, got {value!r}"[:300]) from None

@@ -10,6 +10,7 @@ import numpy as np
 from warpcam.accel.gaussians import MIN_ALPHA, GaussianCloud
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.torch_interop import require_wxyz, to_numpy
 from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE
 from warpcam.sources.common.splat_files import read_cloud_file
 
@@ -62,6 +63,7 @@ class Splats:
         if not self.listed():
             raise WarpcamError("Splats: clouds is empty; at least one is needed")
         _numbers("position", self.position, (3,))
+        require_wxyz(self.rotation, "Splats: rotation")
         if not np.linalg.norm(_numbers("rotation", self.rotation, (4,))) > 0.0:
             raise WarpcamError(f"Splats: rotation must be a quaternion of any length but 0, got {self.rotation!r}")
         if not (self.scales() > 0.0).all():
@@ -71,12 +73,8 @@ class Splats:
 
     def listed(self) -> list[Any]:
         """The clouds as a list."""
-        if isinstance(self.clouds, str | Path | Mapping):
-            return [self.clouds]
-        try:
-            return list(self.clouds)
-        except TypeError:
-            return [self.clouds]
+        several = isinstance(self.clouds, Sequence) and not isinstance(self.clouds, str)
+        return list(self.clouds) if several else [self.clouds]
 
     def scales(self) -> np.ndarray:
         """Factors along the clouds' axes, (3,)."""
@@ -85,8 +83,8 @@ class Splats:
     def choices(self, num_worlds: int) -> np.ndarray:
         """Cloud that each world begins with, (world,) int32."""
         try:
-            values = np.asarray(0 if self.choice is None else _on_host(self.choice))
-        except (TypeError, ValueError):
+            values = to_numpy(0 if self.choice is None else self.choice)
+        except (TypeError, ValueError, RuntimeError):
             values = np.zeros(0)
         if values.dtype.kind not in "iu" or values.shape not in ((), (num_worlds,)):
             came = f"{values.dtype} {values.shape}" if values.size else repr(self.choice)
@@ -137,13 +135,6 @@ def check_splats(splats: Any) -> list[Splats]:
     return listed
 
 
-def _on_host(values: Any) -> Any:
-    """Arrays of Warp and torch as those of numpy."""
-    if hasattr(values, "detach"):
-        values = values.detach().cpu()
-    return values.numpy() if hasattr(values, "numpy") else values
-
-
 def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """The arrays of a cloud, float32, with those that were left out."""
     unknown = [key for key in arrays if key not in (*REQUIRED, *OPTIONAL)]
@@ -153,8 +144,12 @@ def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
             f"splats '{name}': {', '.join(map(repr, unknown or missing))} {'came' if unknown else 'is missing'}; "
             f"needed are {', '.join(REQUIRED)}, allowed beside them {', '.join(OPTIONAL)}"
         )
+    if "rotations" in arrays:
+        require_wxyz(arrays["rotations"], f"splats '{name}': rotations")
     read = {key: _floats(name, key, values) for key, values in arrays.items()}
-    count = len(read["positions"]) if read["positions"].ndim else 0
+    if not read["positions"].ndim:
+        raise WarpcamError(f"splats '{name}': positions must have shape (n, 3), got ()")
+    count = len(read["positions"])
     read.setdefault("rotations", np.tile(np.array((1.0, 0.0, 0.0, 0.0), np.float32), (count, 1)))
     read.setdefault("opacities", np.ones(count, np.float32))
     opacities = read["opacities"]
@@ -167,15 +162,17 @@ def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 def _floats(name: str, key: str, values: Any) -> np.ndarray:
     try:
-        return np.asarray(_on_host(values), np.float32)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+            return np.array(to_numpy(values), np.float32)
+    except (TypeError, ValueError, RuntimeError):
         raise WarpcamError(f"splats '{name}': {key} must be an array of numbers, got {type(values).__name__}") from None
 
 
 def _numbers(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
     try:
-        numbers = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):
+            numbers = to_numpy(value).astype(np.float32)
+    except (TypeError, ValueError, RuntimeError):
         numbers = np.full(0, np.nan)
     if numbers.shape not in shapes or not np.isfinite(numbers).all():
         allowed = " or ".join(f"{shape[0]} finite numbers" if shape else "a finite number" for shape in shapes)
