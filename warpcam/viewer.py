@@ -37,19 +37,6 @@ MOST_ADDED = 256  # between two pictures
 PACE = 1.0 / 15.0  # of pictures that are refined [s]: about so long are paths added to each
 
 
-def _check_host(host: Any) -> None:
-    """Refuse what no server of this machine can listen at, for which viser's would wait without end."""
-    allowed = 'Viewer: host must be an address of this machine like "127.0.0.1"'
-    if not isinstance(host, str):
-        raise WarpcamError(f"{allowed}, got {host!r}")
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, kind, protocol) as free:
-            free.bind(address)
-    except (OSError, UnicodeError) as error:
-        raise WarpcamError(f"{allowed}, got {host!r}: {error}") from None
-
-
 class ClientCamera(NamedTuple):
     """A page's camera, in viser's words: it looks along its +Z, with +X right and +Y down.
 
@@ -294,3 +281,16 @@ def _bordered(picture: np.ndarray, aspect: float) -> np.ndarray:
     height, width = picture.shape[:2]
     beside, over = max(round(height * aspect) - width, 0), max(round(width / aspect) - height, 0)
     return np.pad(picture, ((over // 2, over - over // 2), (beside // 2, beside - beside // 2), (0, 0)))
+
+
+def _check_host(host: Any) -> None:
+    """Refuse what no server of this machine can listen at, for which viser's would wait without end."""
+    allowed = 'Viewer: host must be an address of this machine like "127.0.0.1"'
+    if not isinstance(host, str):
+        raise WarpcamError(f"{allowed}, got {host!r}")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as free:
+            free.bind(address)
+    except (OSError, UnicodeError) as error:
+        raise WarpcamError(f"{allowed}, got {host!r}: {error}") from None

@@ -259,6 +259,8 @@ def test_the_page_is_served(viewer: Viewer) -> None:
         ({"height": 32.0}, "height must be a whole number"),
         ({"port": 70000}, "port must be a whole number from 1 to 65535"),
         ({"host": 8080}, "host must be an address"),
+        ({"host": "192.0.2.1"}, "host must be an address of this machine .* got '192.0.2.1'"),
+        ({"host": "nowhere.invalid"}, "host must be an address of this machine .* got 'nowhere.invalid'"),
         ({"scene": "demo.xml"}, "scene must be a Scene, got str"),
         ({"look": "toon"}, "look is 'toon'; allowed are 'mujoco', 'pbr', 'path'"),
     ],
