@@ -151,7 +151,8 @@ class Viewer:
     @property
     def url(self) -> str:
         """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        host = self.server.get_host()
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.server.get_port()}"
 
     def update(self, moved: bool = True) -> int:
         """Draw the state as it is now for all who look; returns how many pictures were sent.

@@ -1,5 +1,6 @@
 """The page in a browser: what it shows of a scene, when it is drawn anew, and the command that serves it."""
 
+import contextlib
 import sys
 import urllib.request
 from pathlib import Path
@@ -250,6 +251,17 @@ def test_the_page_is_served(viewer: Viewer) -> None:
     with urllib.request.urlopen(viewer.url, timeout=10.0) as page:
         assert page.status == 200
         assert b"<html" in page.read().lower()
+
+
+def test_the_address_of_a_host_with_colons() -> None:
+    mjm = scenes.compile_xml("<geom size='0.1'/>")
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device="cpu")
+    try:
+        viewer = Viewer(scene, width=16, height=16, host="::1")
+    except wc.WarpcamError:
+        pytest.skip("this machine has no IPv6")
+    with contextlib.closing(viewer), urllib.request.urlopen(viewer.url, timeout=10.0) as page:
+        assert viewer.url.startswith("http://[::1]:") and page.status == 200
 
 
 @pytest.mark.parametrize(
