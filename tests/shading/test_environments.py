@@ -22,12 +22,13 @@ CAMERA = wc.Camera("c", width=SIZE, height=SIZE, **PLACED)
 TILTED = (0.7, 0.3, -0.5, 0.2)
 LOOKS = ("pbr", "path")
 OPTIMIZED = os.environ.get("WARPCAM_TESTS") == "optimized"
+USERS_SIDE = environment_maps.LEAST_SIDE
 SAMPLES, NOISE = (1024, 0.0) if OPTIMIZED else (128, 0.05)  # paths beside the real-time look, and what they add
 
 
 @pytest.fixture(autouse=True)
 def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Maps no larger than these images ask for; test_environment_maps has those of users."""
+    """Maps no larger than these images ask for; `test_beside_paths` and test_environment_maps have those of users."""
     monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)
 
 
@@ -233,8 +234,11 @@ def test_of_the_look_of_mujoco(device: wp.Device) -> None:
         ({"diffuseColor": (0.9, 0.7, 0.5), "roughness": 0.6, "metallic": 1.0}, 0.1),
     ],
 )
-def test_beside_paths(stage: Usd.Stage, material: dict[str, Any], most: float, device: wp.Device) -> None:
+def test_beside_paths(
+    stage: Usd.Stage, material: dict[str, Any], most: float, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The real-time look of a ball."""
+    monkeypatch.setattr(environment_maps, "LEAST_SIDE", USERS_SIDE)
     scene = ball(stage, device, **material)
     environments = wc.Environments(scene, sky_images.image_of(sky_images.bumpy_radiance, 128, 256), rotation=TILTED)
     seen, truth = (drawn(scene, look, environments, SAMPLES)[0][inside(ball_normals()[0])] for look in LOOKS)
