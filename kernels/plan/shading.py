@@ -113,7 +113,7 @@ def plan_shading(
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
         plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
         by_vertices = not shadows or tables.num_lights <= MAX_CASTING
-        strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
+        strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
         strips = strips and plain and by_vertices
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)

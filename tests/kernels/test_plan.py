@@ -150,12 +150,13 @@ def test_backs_of_meshes_shade() -> None:
     assert SceneFlag.SHADING_BACKS not in key.types.scene
 
 
-@pytest.mark.parametrize(("width", "strips"), [(64, True), (60, False)])
-def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) -> None:
+@pytest.mark.parametrize(("width", "strips"), [(64, True), (60, True), (62, False)])
+def test_planes_are_shaded_by_strips_where_four_pixels_are_stored_at_once(width: int, strips: bool) -> None:
     tables = scene(types.PLANE, types.BOX)
     request = ImageRequest(width, 64, "pinhole", ("rgb",))
     plan = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=False)
     assert (ShadingFlag.PLANE_STRIPS in plan.key.flags) == strips
+    assert (ShadingFlag.WHOLE_REGIONS in plan.key.flags) == (width == 64)
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)
     on_cpu = shading.plan_shading(tables, request, CPU, ALL, outputs=("rgb",), shadows=False)

@@ -209,8 +209,10 @@ template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
-// texture is a mipmapped one, else in an atlas.
-template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
+// texture is a mipmapped one, else in an atlas. WHOLE: all of the region is in the image; all or none of a lane's four
+// pixels are.
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_,
+          class Images_>
 WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
                                     const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
 {
@@ -219,22 +221,31 @@ WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, con
     const StripColumn own = strip_column(plan, float(region.left + column));
     const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * frame.width + column);
     const unsigned step = unsigned(Own::row(0, 0, 1) * frame.width);
-    const auto shadows_at = [&](unsigned at) {
-        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(frame.shadow.data + at) : 0u;
+    // Of the image, from the warp's first pixel on.
+    const int columns = frame.width - region.left - Own::column(warp, 0);
+    const int rows = frame.height - region.top - Own::row(warp, 0, 0);
+    const int own_rows = lane % TILE_WIDTH * QUAD < columns ? rows - lane / TILE_WIDTH : 0;
+    const auto inside = [&](int strip) { return WHOLE || Own::row(0, 0, strip) < own_rows; };
+    AlignedArray<unsigned, sizeof(*frame.shape.data)> ids {};
+    unsigned dark = 0u, left = 0u;
+    const auto ask_for = [&](int strip) {
+        if (!inside(strip))
+            return;
+        const unsigned at = first + unsigned(strip) * step;
+        ids = load4(frame.shape.data + at);
+        if (Grid::SHADOWS)
+            dark = *reinterpret_cast<const unsigned*>(frame.shadow.data + at);
     };
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
     const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
     const unsigned stored = highest + unsigned(piece_row * frame.width);
-    auto ids = load4(frame.shape.data + first);
-    unsigned dark = shadows_at(first), left = 0;
+    ask_for(0);
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
-        const unsigned on = showing(ids, grid.shape), shadow = dark;
-        if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
-            ids = load4(frame.shape.data + (first + unsigned(strip + 1) * step));
-            dark = shadows_at(first + unsigned(strip + 1) * step);
-        }
+        const unsigned all = inside(strip) ? 15u : 0u, on = showing(ids, grid.shape) & all, shadow = dark;
+        if (strip + 1 < Own::EACH)  // ask for the next strip's pixels before this one's are drawn
+            ask_for(strip + 1);
         const float row = float(region.top + Own::row(warp, lane, strip));
         Quad<IMAGES> quad {};
         bool drawn = false;
@@ -244,11 +255,12 @@ WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, con
         } else if (on) {
             drawn = draw_quad<TEXTURED, MIPS, false>(plan, grid, own, row, 0u, quad);
         }
-        left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
+        left |= (drawn ? ~on & all : all) << 4 * strip;
         if (warp_any(drawn)) {
             const unsigned down = unsigned(strip) * step;
-            store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
-                        row_of_lanes);
+            const ImagePart part { columns, rows - Own::row(0, 0, strip) };
+            store_quads<WHOLE>(images, quad, drawn, first + down, stored + down, piece, highest + down, part,
+                               frame.width, lane, row_of_lanes);
         }
     }
     return left;
@@ -283,8 +295,8 @@ template <int EACH> WARPCAM_DEVICE void list_pixels(unsigned short* list, int& c
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of
 // them, which may be that of the grid's values.
-template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_,
-          class Draw>
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_,
+          class Images_, class Draw>
 WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
                                    const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
                                    const Draw& draw)
@@ -295,10 +307,10 @@ WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& 
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left =
             TEXTURED && grid.view.count > 0
-                ? draw_strips<TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
-                                                                     pixel.lane, pixel.row_of_lanes)
-                : draw_strips<false, false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
-                                                                   pixel.lane, pixel.row_of_lanes);
+                ? draw_strips<TEXTURED, MIPS, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner,
+                                                                            warp, pixel.lane, pixel.row_of_lanes)
+                : draw_strips<false, false, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner,
+                                                                          warp, pixel.lane, pixel.row_of_lanes);
         block_sync();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;
@@ -326,6 +338,11 @@ WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& 
         pixel.column = region.left + column;
         pixel.row = region.top + row;
         pixel.at = first + pixel.row * frame.width + pixel.column;
+        if constexpr (!WHOLE) {
+            pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+            if (!warp_any(pixel.inside))
+                continue;
+        }
         draw(pixel);
     }
 }

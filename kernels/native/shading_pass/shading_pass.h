@@ -52,7 +52,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS,
                   BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FLAGS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
@@ -178,7 +178,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         unsigned short* rest = pixels_left;
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
-        draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
+        draw_by_strips<Wants::TEXTURED, MIPS, (FLAGS & WHOLE_REGIONS) != 0, IMAGES, WIDTH, HEIGHT>(
             plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
                                                                     transparent_shapes, region, world, one,

@@ -1,0 +1,54 @@
+"""Floors drawn by strips, four pixels at once: the same images as where each pixel is drawn by itself."""
+
+import numpy as np
+import pytest
+import scenes
+import warp as wp
+
+import warpcam as wc
+from warpcam.kernels.plan import shading
+
+ASSETS = """
+  <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
+  <material name="floor" texture="checks" texrepeat="3 2"/>
+"""
+SHAPES = """
+  <geom type="plane" size="0 0 1" material="floor"/>
+  <geom type="sphere" size=".2" pos="0 0 .3"/>
+  <geom type="box" size=".2 .1 .25" pos=".7 0 .3"/>
+"""
+LIGHT = '<light pos="1 1 4" dir="-1 -1 -4"/>'
+POSITION = (0.3, -2.0, 0.9)
+
+
+def images(outputs: tuple[str, ...], size: tuple[int, int], shadows: bool) -> dict[str, np.ndarray]:
+    mjm = scenes.compile_xml(SHAPES + LIGHT, assets=ASSETS)
+    camera = scenes.own_camera(
+        width=size[0],
+        height=size[1],
+        lens=wc.Pinhole(fovy=60.0),
+        outputs=outputs,
+        shadows=shadows,
+        position=POSITION,
+        rotation=scenes.looking(POSITION, (0.0, 0.0, 0.2)),
+    )
+    renderer = wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3)), [camera])
+    return scenes.on_host(renderer.render()["eye"])
+
+
+@pytest.mark.parametrize("shadows", [False, True])
+@pytest.mark.parametrize("size", [(64, 64), (84, 84), (96, 50), (160, 90)])
+@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba"), ("hdr",), ("albedo",)])
+def test_strips_show_what_single_pixels_show(
+    outputs: tuple[str, ...], size: tuple[int, int], shadows: bool, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not device.is_cuda:
+        pytest.skip("on a CPU there is one way")
+    monkeypatch.setattr(shading, "region_size", lambda *_, **__: (64, 64))
+    found = images(outputs, size, shadows)
+    monkeypatch.setattr(shading, "has_strips", lambda *_: False)
+    expected = images(outputs, size, shadows)
+    for name, image in expected.items():
+        tolerance = {"atol": 1e-4} if name == "hdr" else {"atol": 1, "rtol": 0}
+        np.testing.assert_allclose(found[name].astype(np.float32), image.astype(np.float32), **tolerance)
+        assert image.std() > 0
