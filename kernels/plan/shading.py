@@ -30,8 +30,6 @@ MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MAX_PLANE_PATH = 64  # shapes of a scene without meshes that leave room for SEPARATE_PLANE_PATH
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
-# lights of a scene whose floors are drawn by strips with their shadows: FEW in native/shading/plane_vertex_lighting.h
-MAX_CASTING = 3
 LAYER_FLAGS = (
     ShadingFlag.MIRROR_VIEW
     | ShadingFlag.HAS_MIRROR
@@ -112,9 +110,8 @@ def plan_shading(
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
         plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
-        by_vertices = not shadows or tables.num_lights <= MAX_CASTING
         strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
-        strips = strips and plain and by_vertices
+        strips = strips and plain
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)
     if not device.is_cuda and 0 < capacity <= FEW:

@@ -156,6 +156,10 @@ def test_planes_are_shaded_by_strips_where_four_pixels_are_stored_at_once(width:
     request = ImageRequest(width, 64, "pinhole", ("rgb",))
     plan = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=False)
     assert (ShadingFlag.PLANE_STRIPS in plan.key.flags) == strips
+    shadowed = shading.plan_shading(
+        scene(types.PLANE, num_lights=8), request, CARD, ALL, outputs=("rgb",), shadows=True
+    )
+    assert (ShadingFlag.PLANE_STRIPS in shadowed.key.flags) == strips
     assert (ShadingFlag.WHOLE_REGIONS in plan.key.flags) == (width == 64)
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)

@@ -10,7 +10,7 @@ from warpcam.kernels.plan import shading
 
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
-  <material name="floor" texture="checks" texrepeat="3 2"/>
+  <material name="floor" texture="checks" texrepeat="3 2" rgba="{rgba}"/>
 """
 SHAPES = """
   <geom type="plane" size="0 0 1" material="floor"/>
@@ -18,11 +18,23 @@ SHAPES = """
   <geom type="box" size=".2 .1 .25" pos=".7 0 .3"/>
 """
 LIGHT = '<light pos="1 1 4" dir="-1 -1 -4"/>'
+SUNS = "".join(
+    f'<light directional="true" dir="{x} {y} -1" diffuse=".25 .25 .25" specular=".1 .1 .1"/>'
+    for x, y in ((0.7, 0.0), (0.4, 0.6), (-0.3, 0.6), (-0.7, 0.0), (-0.4, -0.6), (0.4, -0.6))
+)
+SCENES = {  # lights and the colour of the floor's material
+    "grey": (LIGHT, "1 1 1 1"),
+    "coloured light": (LIGHT.replace("/>", ' diffuse=".7 .5 .3"/>'), "1 1 1 1"),
+    "coloured floor": (LIGHT, "1 .8 .6 1"),
+    "six lights": (SUNS, "1 1 1 1"),
+    "six coloured lights": (SUNS.replace(".25 .25 .25", ".3 .25 .2"), "1 1 1 1"),
+}
 POSITION = (0.3, -2.0, 0.9)
 
 
-def images(outputs: tuple[str, ...], size: tuple[int, int], shadows: bool) -> dict[str, np.ndarray]:
-    mjm = scenes.compile_xml(SHAPES + LIGHT, assets=ASSETS)
+def images(name: str, outputs: tuple[str, ...], size: tuple[int, int], shadows: bool) -> dict[str, np.ndarray]:
+    lights, rgba = SCENES[name]
+    mjm = scenes.compile_xml(SHAPES + lights, assets=ASSETS.format(rgba=rgba))
     camera = scenes.own_camera(
         width=size[0],
         height=size[1],
@@ -37,17 +49,25 @@ def images(outputs: tuple[str, ...], size: tuple[int, int], shadows: bool) -> di
 
 
 @pytest.mark.parametrize("shadows", [False, True])
-@pytest.mark.parametrize("size", [(64, 64), (84, 84), (96, 50), (160, 90)])
+@pytest.mark.parametrize(
+    ("scene", "size"),
+    [("grey", size) for size in ((64, 64), (84, 84), (96, 50), (160, 90))] + [(name, (84, 84)) for name in SCENES],
+)
 @pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba"), ("hdr",), ("albedo",)])
 def test_strips_show_what_single_pixels_show(
-    outputs: tuple[str, ...], size: tuple[int, int], shadows: bool, device: wp.Device, monkeypatch: pytest.MonkeyPatch
+    outputs: tuple[str, ...],
+    scene: str,
+    size: tuple[int, int],
+    shadows: bool,
+    device: wp.Device,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
     monkeypatch.setattr(shading, "region_size", lambda *_, **__: (64, 64))
-    found = images(outputs, size, shadows)
+    found = images(scene, outputs, size, shadows)
     monkeypatch.setattr(shading, "has_strips", lambda *_: False)
-    expected = images(outputs, size, shadows)
+    expected = images(scene, outputs, size, shadows)
     for name, image in expected.items():
         tolerance = {"atol": 1e-4} if name == "hdr" else {"atol": 1, "rtol": 0}
         np.testing.assert_allclose(found[name].astype(np.float32), image.astype(np.float32), **tolerance)

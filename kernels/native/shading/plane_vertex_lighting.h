@@ -71,23 +71,47 @@ struct FloorView {
 
 constexpr int GREY_VERTEX_LIGHTS = 4;  // numbers that are loaded at once
 
-// The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the
-// lights that cast no shadow, and then in each that does; one number where all of that is grey, else three. Where these
-// are few there are FEW of them, the last ones 0, and on CUDA the first is what it shows in all lights.
+// Numbers of so many lights that cast shadows and of all others together, in whole groups.
+constexpr int grouped(int casting) { return (casting / GREY_VERTEX_LIGHTS + 1) * GREY_VERTEX_LIGHTS; }
+
+// The corners that are kept are a rectangle of columns and rows. One keeps `each` numbers of one channel, if all of it
+// is grey, else of three: what it shows in the lights that cast no shadow, and then in each that does. Where these are
+// GROUPED, for few grey lights or on CUDA, `each` is a multiple of GREY_VERTEX_LIGHTS, the last ones are 0, and on CUDA
+// the first is what it shows in all lights.
 template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
     static constexpr int SIZE = ROOM_;
     static constexpr bool SHADOWS = SHADOWS_, LIT = true;
 
     alignas(16) float values[SIZE > 0 ? SIZE : 1];
-    alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
+    alignas(16) int bits[grouped(MAX_LIGHTS)];  // of shadow masks, for the numbers of a channel; 0 for the first
     FloorView view;
     CellAxis u, v;
     int first_u, first_v;
-    int columns, rows, stride;
+    int columns, rows;
+    int each, stride;  // numbers of a channel, and of all
     int shape;  // the plane, or -1 where nothing is kept
     int grey;
     int casting;  // lights that cast shadows
-    int few;  // 1: a corner keeps FEW numbers
+    int few;  // 1: numbers are GROUPED
+
+    WARPCAM_DEVICE bool in_groups() const
+    {
+#if defined(__CUDA_ARCH__)
+        return SHADOWS;
+#else
+        return SHADOWS && few;
+#endif
+    }
+
+    // Three channels, or three times one if all is grey; `channel` tells what begins at a number. Small, not unrolled.
+    template <class Channel> WARPCAM_DEVICE Vec3 by_channel(const Channel& channel) const
+    {
+        Vec3 light { 0.0f, 0.0f, 0.0f };
+#pragma unroll 1
+        for (int start = 0; start < stride; start += each)
+            light = { light.y, light.z, channel(start) };
+        return grey ? Vec3 { light.z, light.z, light.z } : light;
+    }
 };
 
 // The lights of a world with the corners that they light.
@@ -161,13 +185,17 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     const ShapeFromCamera& pose = look.pose;
     const Vec3 eye = pose.eye();
     float u[EACH], v[EACH], depth[EACH];
-    int stride = 1, casting = 0;
+    int casting = 0;
     const bool grey = !list.colored && look.material.color.x == look.material.color.y
                       && look.material.color.x == look.material.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
+#if defined(__CUDA_ARCH__)
+    const bool few = Grid::SHADOWS;
+#else
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
-    stride = few ? GREY_VERTEX_LIGHTS : (1 + casting) * (grey ? 1 : 3);
+#endif
+    const int each = few ? grouped(casting) : 1 + casting, stride = each * (grey ? 1 : 3);
     for (int k = 0; k < EACH; ++k) {
         const int sample = lane + k * WARP_OR_ONE;
         const float i =
@@ -232,37 +260,38 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         return;
     grid.u = u_axis;
     grid.v = v_axis;
+    grid.each = each;
     grid.stride = stride;
     grid.shape = kept;
     view_floor(grid.view, look, camera);
     grid.grey = grey;
     grid.few = few;
     grid.casting = 0;
-    for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n)
+    for (int n = 0; n < grouped(MAX_LIGHTS); ++n)
         grid.bits[n] = 0;
     for (int n = 0; n < list.count; ++n)
         if (Grid::SHADOWS && (list.lights[n].ambient.w & CASTS))
-            grid.bits[grid.casting++] = list.lights[n].place.w;
+            grid.bits[++grid.casting] = list.lights[n].place.w;
 }
 
-WARPCAM_DEVICE void keep(float* values, Vec3 color, float) { values[0] = color.x; }
-WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
+WARPCAM_DEVICE void keep(float* values, int, Vec3 color, float) { values[0] = color.x; }
+WARPCAM_DEVICE void keep(float* values, int each, Vec3 color, Vec3)
 {
     values[0] = color.x;
-    values[1] = color.y;
-    values[2] = color.z;
+    values[each] = color.y;
+    values[2 * each] = color.z;
 }
 
-// Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
+// Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3, whose channels are
+// `each` numbers apart.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
 WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& material,
-                                 float* values)
+                                 int each, float* values)
 {
-    constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
     const LightingVertex corner = vertex_at(place, normal);
     const auto shown = [](Vec3 color) { return DISPLAYED ? clip(color) : color; };
     LightSum<Sum> steady {};
-    int slot = CHANNELS;
+    int slot = 1;
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
@@ -280,13 +309,12 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
-            slot += CHANNELS;
+            keep(values + slot++, each, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
+    keep(values, each, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
@@ -303,15 +331,15 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                                             corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
-        if (grid.few) {
-            for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
-                values[n] = 0.0f;
-            for (int n = 1; n < GREY_VERTEX_LIGHTS; ++n)
-                values[0] += values[n];
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
+        else
+            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
+        for (int start = 0; Grid::SHADOWS && start < grid.stride; start += grid.each) {
+            for (int n = 1 + grid.casting; n < grid.each; ++n)
+                values[start + n] = 0.0f;
+            for (int n = 1; n < grid.each; ++n)
+                values[start] += values[start + n];
         }
-        if (!grid.grey)
-            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
     }
 }
 

@@ -1,8 +1,8 @@
 // A floor that is lit by its corners, drawn apart from what stands on it: a lane draws four pixels beside each other,
 // so that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
 #pragma once
-#include "shading/plane_shading.h"
 #include "shading_pass/store_quads.h"
+#include "shading_pass/strip_lighting.h"
 #include "traversal/trace_tile.h"
 
 namespace warpcam {
@@ -41,6 +41,7 @@ struct StripPlan {
     unsigned long long image;  // its texture: a mipmapped one, or an atlas
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
+    int simple;       // 1: light is grey, and a corner keeps as few numbers as may be
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
@@ -55,7 +56,8 @@ WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera&
     if constexpr (Grid::LIT) {
         cells_u = grid.u;
         cells_v = grid.v;
-        plan.plain &= (Grid::SHADOWS ? grid.few : grid.grey) && cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
+        plan.simple = grid.grey && grid.each == (Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1);
+        plan.plain &= cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
         plan.columns = float(grid.columns) - 1.0001f;
         plan.rows = float(grid.rows) - 1.0001f;
         plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
@@ -109,41 +111,6 @@ WARPCAM_DEVICE StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// Light of a pixel at (u, v) among the vertices: of the lights that `shadow` leaves if SHADED, else of all.
-template <bool SHADED, class Grid>
-WARPCAM_DEVICE float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
-{
-    constexpr int STRIDE = Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1;
-    const float base_u = __fadd_rd(u, WHOLE_NUMBERS), base_v = __fadd_rd(v, WHOLE_NUMBERS);
-    const float a = u - (base_u - WHOLE_NUMBERS), b = v - (base_v - WHOLE_NUMBERS);
-    const bool high = a > 1.0f - b;
-    const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
-    const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
-    const float* values = grid.values + int(corner) * STRIDE;
-    const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
-    const float* at_second = values + STRIDE;
-    const float* at_third = values + grid.columns * STRIDE;
-    if constexpr (SHADED) {
-        alignas(16) float one[GREY_VERTEX_LIGHTS], two[GREY_VERTEX_LIGHTS], three[GREY_VERTEX_LIGHTS];
-        load_few(at_first, one);
-        load_few(at_second, two);
-        load_few(at_third, three);
-        float light;
-#pragma unroll
-        for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n) {
-            const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
-            if (n == 0)
-                light = own_light;
-            else
-                light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
-        }
-        return light;
-    } else {
-        const float one = *at_first;
-        return one + second * (*at_second - one) + third * (*at_third - one);
-    }
-}
-
 // Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what
 // is kept does not reach as far.
 template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
@@ -185,12 +152,24 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
             color = sample_atlas(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
-        if constexpr (Grid::LIT) {
-            const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
-            // Rounding can leave a sum below zero; conversion to bytes clips.
-            colors[k] = (SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light) * color;
-        } else {
+        if constexpr (Grid::LIT)
+            colors[k] = color;
+        else
             colors[k] = mul(grid.color, color);
+    }
+    if constexpr (Grid::LIT) {
+        // Rounding can leave a sum below zero; conversion to bytes clips.
+        const auto at_least_none = [](float light) { return SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light; };
+        if (plan.simple) {
+#pragma unroll
+            for (int k = 0; k < QUAD; ++k)
+                colors[k] = at_least_none(light_at<SHADED>(grid, plan.bias, u[k], v[k], shadows >> 8 * k)) * colors[k];
+        } else {
+#pragma unroll
+            for (int k = 0; k < QUAD; ++k) {
+                const Vec3 light = color_at<SHADED>(grid, plan.bias, u[k], v[k], shadows >> 8 * k);
+                colors[k] = mul({ at_least_none(light.x), at_least_none(light.y), at_least_none(light.z) }, colors[k]);
+            }
         }
     }
     quad.fill(colors);
