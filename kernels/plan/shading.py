@@ -109,7 +109,7 @@ def plan_shading(
         whole = width % region[0] == 0 and height % region[1] == 0
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
-        plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
+        plain &= not layered
         strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
         strips = strips and plain
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)

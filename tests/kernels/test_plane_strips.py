@@ -12,8 +12,9 @@ ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
   <material name="floor" texture="checks" texrepeat="3 2" rgba="{rgba}"/>
 """
+ENDLESS = "0 0 1"
 SHAPES = """
-  <geom type="plane" size="0 0 1" material="floor"/>
+  <geom type="plane" size="{size}" material="floor"/>
   <geom type="sphere" size=".2" pos="0 0 .3"/>
   <geom type="box" size=".2 .1 .25" pos=".7 0 .3"/>
 """
@@ -22,19 +23,22 @@ SUNS = "".join(
     f'<light directional="true" dir="{x} {y} -1" diffuse=".25 .25 .25" specular=".1 .1 .1"/>'
     for x, y in ((0.7, 0.0), (0.4, 0.6), (-0.3, 0.6), (-0.7, 0.0), (-0.4, -0.6), (0.4, -0.6))
 )
-SCENES = {  # lights and the colour of the floor's material
-    "grey": (LIGHT, "1 1 1 1"),
-    "coloured light": (LIGHT.replace("/>", ' diffuse=".7 .5 .3"/>'), "1 1 1 1"),
-    "coloured floor": (LIGHT, "1 .8 .6 1"),
-    "six lights": (SUNS, "1 1 1 1"),
-    "six coloured lights": (SUNS.replace(".25 .25 .25", ".3 .25 .2"), "1 1 1 1"),
+SCENES = {  # lights, the colour of the floor's material, its size, and options of the camera
+    "grey": (LIGHT, "1 1 1 1", ENDLESS, {}),
+    "coloured light": (LIGHT.replace("/>", ' diffuse=".7 .5 .3"/>'), "1 1 1 1", ENDLESS, {}),
+    "coloured floor": (LIGHT, "1 .8 .6 1", ENDLESS, {}),
+    "six lights": (SUNS, "1 1 1 1", ENDLESS, {}),
+    "six coloured lights": (SUNS.replace(".25 .25 .25", ".3 .25 .2"), "1 1 1 1", ENDLESS, {}),
+    "shorter cells at its ends": (LIGHT, "1 1 1 1", "1.5 2.3 .5", {}),
+    "cells at its ends alone": (LIGHT, "1 1 1 1", ".9 .8 1", {}),
+    "exposure": (LIGHT, "1 1 1 1", ENDLESS, {"exposure": 0.5}),
 }
-POSITION = (0.3, -2.0, 0.9)
+POSITION = (0.3, -2.0, 1.5)
 
 
 def images(name: str, outputs: tuple[str, ...], size: tuple[int, int], shadows: bool) -> dict[str, np.ndarray]:
-    lights, rgba = SCENES[name]
-    mjm = scenes.compile_xml(SHAPES + lights, assets=ASSETS.format(rgba=rgba))
+    lights, rgba, extent, options = SCENES[name]
+    mjm = scenes.compile_xml(SHAPES.format(size=extent) + lights, assets=ASSETS.format(rgba=rgba))
     camera = scenes.own_camera(
         width=size[0],
         height=size[1],
@@ -43,6 +47,7 @@ def images(name: str, outputs: tuple[str, ...], size: tuple[int, int], shadows: 
         shadows=shadows,
         position=POSITION,
         rotation=scenes.looking(POSITION, (0.0, 0.0, 0.2)),
+        **options,
     )
     renderer = wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 3)), [camera])
     return scenes.on_host(renderer.render()["eye"])

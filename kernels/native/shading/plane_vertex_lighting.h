@@ -31,7 +31,12 @@ struct CellAxis {
 
     template <class Number> WARPCAM_DEVICE Number at(Number x) const
     {
-        const Number cell = rate * x + start, least = low, most = high;
+        const Number cell = rate * x + start;
+        return stretched(cell);
+    }
+    template <class Number> WARPCAM_DEVICE Number stretched(Number cell) const
+    {
+        const Number least = low, most = high;
         return cell + stretch * (cell - clamp(cell, least, most));
     }
 };

@@ -41,12 +41,13 @@ struct StripPlan {
     unsigned long long image;  // its texture: a mipmapped one, or an atlas
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
-    int simple;       // 1: light is grey, and a corner keeps as few numbers as may be
+    int simple;       // 1: light is grey, a corner keeps as few numbers as may be, all cells are equal, no exposure
+    Vec3 gain;        // the camera's exposure
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
-template <class Grid>
-WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
+template <class Grid> WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera,
+                                                      unsigned long long image, Vec3 gain)
 {
     const FloorView& view = grid.view;
     plan.image = image;
@@ -56,8 +57,9 @@ WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera&
     if constexpr (Grid::LIT) {
         cells_u = grid.u;
         cells_v = grid.v;
-        plan.simple = grid.grey && grid.each == (Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1);
-        plan.plain &= cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
+        plan.gain = gain;
+        plan.simple = grid.grey && grid.each == (Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1) && cells_u.stretch == 0.0f
+                      && cells_v.stretch == 0.0f && gain.x == 1.0f && gain.y == 1.0f && gain.z == 1.0f;
         plan.columns = float(grid.columns) - 1.0001f;
         plan.rows = float(grid.rows) - 1.0001f;
         plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
@@ -131,9 +133,17 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     // Tolerance in rounding: a point between two pixels that the vertices cover is covered, too.
     constexpr float SLACK = 1.0e-5f;
     bool within = min(rate[0], rate[3]) > 0.0f;
-    if constexpr (Grid::LIT)
-        within = within & (min(u[0], u[3]) >= SLACK) & (max(u[0], u[3]) < plan.columns) & (min(v[0], v[3]) >= SLACK)
-                 & (max(v[0], v[3]) < plan.rows);
+    if constexpr (Grid::LIT) {
+        float u0 = u[0], u3 = u[3], v0 = v[0], v3 = v[3];
+        if (!plan.simple) {
+            u0 = grid.u.stretched(u0);
+            u3 = grid.u.stretched(u3);
+            v0 = grid.v.stretched(v0);
+            v3 = grid.v.stretched(v3);
+        }
+        within = within & (min(u0, u3) >= SLACK) & (max(u0, u3) < plan.columns) & (min(v0, v3) >= SLACK)
+                 & (max(v0, v3) < plan.rows);
+    }
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
@@ -167,8 +177,11 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
         } else {
 #pragma unroll
             for (int k = 0; k < QUAD; ++k) {
-                const Vec3 light = color_at<SHADED>(grid, plan.bias, u[k], v[k], shadows >> 8 * k);
-                colors[k] = mul({ at_least_none(light.x), at_least_none(light.y), at_least_none(light.z) }, colors[k]);
+                const Vec3 light =
+                    color_at<SHADED>(grid, plan.bias, grid.u.stretched(u[k]), grid.v.stretched(v[k]), shadows >> 8 * k);
+                colors[k] =
+                    mul(mul({ at_least_none(light.x), at_least_none(light.y), at_least_none(light.z) }, plan.gain),
+                        colors[k]);
             }
         }
     }

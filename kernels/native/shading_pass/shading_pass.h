@@ -52,8 +52,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS,
-                  BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FLAGS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
@@ -154,7 +153,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
-                plan_strips(plan, list.grid, camera, image);
+                plan_strips(plan, list.grid, camera, image, exposed<FLAGS>(scene, world, { 1.0f, 1.0f, 1.0f }));
 #endif
         block_sync();
         if constexpr (CORNERS > 0) {
