@@ -19,11 +19,15 @@ SHAPES = """
   <geom type="box" size=".2 .1 .25" pos=".7 0 .3"/>
 """
 LIGHT = '<light pos="1 1 4" dir="-1 -1 -4"/>'
+WALLS = """
+  <geom type="plane" size="0 0 1" pos="0 2 0" zaxis="0 -1 0" material="floor"/>
+  <geom type="plane" size="3 3 1" pos="2 0 0" zaxis="-1 0 0" rgba=".8 .5 .4 1"/>
+"""
 SUNS = "".join(
     f'<light directional="true" dir="{x} {y} -1" diffuse=".25 .25 .25" specular=".1 .1 .1"/>'
     for x, y in ((0.7, 0.0), (0.4, 0.6), (-0.3, 0.6), (-0.7, 0.0), (-0.4, -0.6), (0.4, -0.6))
 )
-SCENES = {  # lights, the colour of the floor's material, its size, and options of the camera
+SCENES = {  # lights and more, the colour of the floor's material, its size, and options of the camera
     "grey": (LIGHT, "1 1 1 1", ENDLESS, {}),
     "coloured light": (LIGHT.replace("/>", ' diffuse=".7 .5 .3"/>'), "1 1 1 1", ENDLESS, {}),
     "coloured floor": (LIGHT, "1 .8 .6 1", ENDLESS, {}),
@@ -31,6 +35,7 @@ SCENES = {  # lights, the colour of the floor's material, its size, and options 
     "six coloured lights": (SUNS.replace(".25 .25 .25", ".3 .25 .2"), "1 1 1 1", ENDLESS, {}),
     "shorter cells at its ends": (LIGHT, "1 1 1 1", "1.5 2.3 .5", {}),
     "cells at its ends alone": (LIGHT, "1 1 1 1", ".9 .8 1", {}),
+    "three planes": (WALLS + LIGHT, "1 1 1 1", ENDLESS, {}),
     "exposure": (LIGHT, "1 1 1 1", ENDLESS, {"exposure": 0.5}),
 }
 POSITION = (0.3, -2.0, 1.5)

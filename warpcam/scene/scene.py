@@ -339,7 +339,7 @@ class Scene:
             headlights=self._own.headlights,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
-            first_plane=next((shape for shape in parts.drawn if parts.shape_types[shape] == PLANE), -1),
+            planes=tuple(int(shape) for shape in parts.drawn if parts.shape_types[shape] == PLANE),
             physical=physical,
             has_maps=parts.maps,
             backs_shade=parts.backs_shade,

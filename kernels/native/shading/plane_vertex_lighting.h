@@ -174,13 +174,14 @@ WARPCAM_DEVICE float team_sum(float value)
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for
-// these around what is near. A team calls it. `atlas`: of the plane's texture, see Textures.atlases; 0: none.
+// these around what is near. A team calls it. `plane`: its id, or -1; `atlas`: of its texture, see Textures.atlases; 0:
+// none.
 template <int LENS, class Grid, class Appearances, class Frame>
 WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appearances& look, const Camera& camera,
-                                   const Region& region, const Frame& frame, unsigned long long atlas, bool mirrored,
-                                   int lane)
+                                   const Region& region, const Frame& frame, int plane, unsigned long long atlas,
+                                   bool mirrored, int lane)
 {
-    if (frame.plane < 0 || look.cells.u.step == 0.0f) {
+    if (plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
             grid.shape = -1;
         return;
@@ -243,7 +244,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         if (!(far > 0.0f) || seen < 0.6f * all)  // too little is near to be worth it
             break;
         if (columns * rows * float(stride) <= float(Grid::SIZE) && abs(left) < 1.0e6f && abs(bottom) < 1.0e6f) {
-            kept = frame.plane;
+            kept = plane;
             if (lane == 0) {
                 grid.first_u = int(left);
                 grid.first_v = int(bottom);

@@ -134,7 +134,20 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             looks->plane = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
 #endif
     if constexpr (ON_FLOOR) {
-        const Appearances& look = plane_look<CACHED>(looks, scene);
+        int plane = frame.plane;
+#if defined(__CUDA_ARCH__)
+        WARPCAM_SHARED optional_t<IN_STRIPS, int> shown_plane;
+        if constexpr (IN_STRIPS)
+            if (frame.planes > 1) {
+                if (thread < WARP_SIZE)
+                    plane = most_shown_plane(scene, region, first, thread);
+                if (thread == 0)
+                    shown_plane = plane;
+                block_sync();
+                plane = shown_plane;
+            }
+#endif
+        const Appearances& look = plane_look<CACHED>(looks, scene, plane);
         unsigned long long atlas = 0;
         if constexpr (Wants::USE_ATLAS)
             atlas = look.layout.atlas;
@@ -146,9 +159,10 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 image = wp::index(scene.textures.mips, look.material.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FLAGS & MIRROR_VIEW, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, plane, atlas, FLAGS & MIRROR_VIEW,
+                                     thread);
             else
-                see_floor(list.grid, look, camera, frame.plane, atlas, thread);
+                see_floor(list.grid, look, camera, plane, atlas, thread);
         }
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
