@@ -37,6 +37,7 @@ LAYER_FLAGS = (
     | ShadingFlag.HAS_HAZE
     | ShadingFlag.WRITE_BACK_TRANSPARENT
 )
+COVERING_FLAGS = ShadingFlag.HAS_TRANSPARENT | ShadingFlag.WRITE_BACK_TRANSPARENT  # what leaves floors beside it alone
 # Shapes of scenes whose CPU kernels of colours are compiled for materials and, but where light is physical, a skybox
 # whether these are there or not. Textures, too, would take up to 4 % longer in scenes without any.
 FEW = 64
@@ -109,7 +110,7 @@ def plan_shading(
         whole = width % region[0] == 0 and height % region[1] == 0
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
-        plain &= not layered
+        plain &= not layered & ~COVERING_FLAGS
         strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
         strips = strips and plain
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)

@@ -23,6 +23,10 @@ WALLS = """
   <geom type="plane" size="0 0 1" pos="0 2 0" zaxis="0 -1 0" material="floor"/>
   <geom type="plane" size="3 3 1" pos="2 0 0" zaxis="-1 0 0" rgba=".8 .5 .4 1"/>
 """
+GLASS = """
+  <geom type="sphere" size=".25" pos="-.6 0 .4" rgba=".2 .8 .4 .4"/>
+  <geom type="box" size=".1 .3 .2" pos=".2 -.4 .3" rgba=".9 .2 .2 .6"/>
+"""
 SUNS = "".join(
     f'<light directional="true" dir="{x} {y} -1" diffuse=".25 .25 .25" specular=".1 .1 .1"/>'
     for x, y in ((0.7, 0.0), (0.4, 0.6), (-0.3, 0.6), (-0.7, 0.0), (-0.4, -0.6), (0.4, -0.6))
@@ -36,6 +40,7 @@ SCENES = {  # lights and more, the colour of the floor's material, its size, and
     "shorter cells at its ends": (LIGHT, "1 1 1 1", "1.5 2.3 .5", {}),
     "cells at its ends alone": (LIGHT, "1 1 1 1", ".9 .8 1", {}),
     "three planes": (WALLS + LIGHT, "1 1 1 1", ENDLESS, {}),
+    "transparent shapes": (GLASS + LIGHT, "1 1 1 1", ENDLESS, {}),
     "exposure": (LIGHT, "1 1 1 1", ENDLESS, {"exposure": 0.5}),
 }
 POSITION = (0.3, -2.0, 1.5)

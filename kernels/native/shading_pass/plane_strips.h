@@ -1,6 +1,7 @@
 // A floor that is lit by its corners, drawn apart from what stands on it: a lane draws four pixels beside each other,
 // so that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
 #pragma once
+#include "shading_pass/covered_tiles.h"
 #include "shading_pass/store_quads.h"
 #include "shading_pass/strip_lighting.h"
 #include "traversal/trace_tile.h"
@@ -202,11 +203,12 @@ template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
 // texture is a mipmapped one, else in an atlas. WHOLE: all of the region is in the image; all or none of a lane's four
-// pixels are.
-template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_,
-          class Images_>
-WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
-                                    const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
+// pixels are. Pixels of `covered` tiles are left.
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Covered,
+          class Frame_, class Images_>
+WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Covered& covered,
+                                    const Frame_& frame, const Images_& images, const Region& region, unsigned corner,
+                                    int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const int column = Own::column(warp, lane);
@@ -235,7 +237,8 @@ WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, con
     ask_for(0);
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
-        const unsigned all = inside(strip) ? 15u : 0u, on = showing(ids, grid.shape) & all, shadow = dark;
+        const unsigned all = inside(strip) ? 15u : 0u, shadow = dark;
+        const unsigned on = covered.has(column, Own::row(warp, lane, strip)) ? 0u : showing(ids, grid.shape) & all;
         if (strip + 1 < Own::EACH)  // ask for the next strip's pixels before this one's are drawn
             ask_for(strip + 1);
         const float row = float(region.top + Own::row(warp, lane, strip));
@@ -287,11 +290,11 @@ template <int EACH> WARPCAM_DEVICE void list_pixels(unsigned short* list, int& c
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of
 // them, which may be that of the grid's values.
-template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_,
-          class Images_, class Draw>
-WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
-                                   const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
-                                   const Draw& draw)
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Covered,
+          class Frame_, class Images_, class Draw>
+WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Covered& covered,
+                                   const Frame_& frame, const Images_& images, const Region& region, unsigned first,
+                                   int warp, Pixel& pixel, const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const bool plain = plan.plain;
@@ -299,10 +302,10 @@ WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& 
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left =
             TEXTURED && grid.view.count > 0
-                ? draw_strips<TEXTURED, MIPS, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner,
-                                                                            warp, pixel.lane, pixel.row_of_lanes)
-                : draw_strips<false, false, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner,
-                                                                          warp, pixel.lane, pixel.row_of_lanes);
+                ? draw_strips<TEXTURED, MIPS, WHOLE, IMAGES, WIDTH, HEIGHT>(
+                      plan, grid, covered, frame, images, region, corner, warp, pixel.lane, pixel.row_of_lanes)
+                : draw_strips<false, false, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, covered, frame, images, region,
+                                                                          corner, warp, pixel.lane, pixel.row_of_lanes);
         block_sync();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;

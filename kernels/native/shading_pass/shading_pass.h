@@ -52,13 +52,15 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
     using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE;
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_HAZE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FLAGS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FLAGS & ~STORE_QUADS : FLAGS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
+    constexpr bool COVERED = IN_STRIPS && MAX_TRANSPARENT != 0;
     WARPCAM_SHARED optional_t<IN_STRIPS, StripPlan> plan;
+    WARPCAM_SHARED conditional_t<COVERED, CoveredTiles<WIDTH, HEIGHT>, NoCoveredTiles> covered;
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
 #else
     constexpr bool IN_STRIPS = false;
@@ -103,6 +105,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                                                                  world, thread);
     }
 #if defined(__CUDA_ARCH__)
+    if constexpr (COVERED)
+        covered.gather(transparent_shapes, thread);
     if constexpr (CACHED > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
@@ -192,7 +196,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
         draw_by_strips<Wants::TEXTURED, MIPS, (FLAGS & WHOLE_REGIONS) != 0, IMAGES, WIDTH, HEIGHT>(
-            plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
+            plan, rest, list.grid, covered, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
                                                                     transparent_shapes, region, world, one,
                                                                     find<Types, IMAGES, FLAGS>(frame, one));
