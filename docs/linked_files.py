@@ -4,6 +4,7 @@ Links of Markdown files work in the repository, where they are relative paths, a
 program texts become pages; other files are copied; a link to a folder loses its link.
 """
 
+import json
 import posixpath
 import re
 from collections.abc import Iterator
@@ -67,10 +68,22 @@ def _uri(path: str) -> str:
     if path.startswith("docs/"):
         return path.removeprefix("docs/")
     path = path.replace("README.md", "about.md")  # else MkDocs makes it the heading of its section
-    return f"{FOLDER}/{path}.md" if Path(path).suffix in LANGUAGES else f"{FOLDER}/{path}"
+    return f"{FOLDER}/{path}.md" if Path(path).suffix in (*LANGUAGES, ".ipynb") else f"{FOLDER}/{path}"
+
+
+def _cells(path: str) -> str:
+    """A notebook as a page: its text, and its code in blocks."""
+    cells = json.loads((ROOT / path).read_text())["cells"]
+    texts = ["".join(cell["source"]) for cell in cells]
+    kinds = [cell["cell_type"] for cell in cells]
+    return "\n\n".join(
+        f"```python\n{text}\n```" if kind == "code" else text for kind, text in zip(kinds, texts, strict=True)
+    )
 
 
 def _as_file(path: str, config: Any) -> File:
+    if path.endswith(".ipynb"):
+        return File.generated(config, _uri(path), content=_cells(path), inclusion=InclusionLevel.NOT_IN_NAV)
     language = LANGUAGES.get(Path(path).suffix)
     if language is None:
         return File.generated(config, _uri(path), abs_src_path=str(ROOT / path), inclusion=InclusionLevel.NOT_IN_NAV)

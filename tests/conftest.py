@@ -20,6 +20,8 @@ if ctypes.util.find_library("OSMesa"):
     os.environ.setdefault("MUJOCO_GL", "osmesa")
 elif sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
     os.environ.setdefault("MUJOCO_GL", "disable")
+# JAX in one worker would take three quarters of a GPU's memory from all others.
+os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
 sys.path.append(str(Path(__file__).parent / "helpers"))
 # Triton, which libraries of learning import, crashes if Mesa has loaded its own LLVM before.
 with contextlib.suppress(ImportError):
@@ -32,6 +34,8 @@ import warp as wp
 gc.disable()  # until all is imported, which stays
 wp.config.quiet = True
 fast_compile.install(ours=True)
+wp.init()
+os.environ.setdefault("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir)
 
 
 def pytest_collection_finish() -> None:

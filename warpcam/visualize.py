@@ -123,8 +123,9 @@ def sheet(pictures: np.ndarray) -> np.ndarray:
 
 
 def _mapped(name: str, shade: np.ndarray) -> np.ndarray:
-    colors: np.ndarray = Colormap(name).lut(256)[:, :3]
-    return np.round(255.0 * colors[np.round(255.0 * shade).astype(np.int64)]).astype(np.uint8)
+    table = np.round(255.0 * Colormap(name).lut(256)[:, :3]).astype(np.uint8)
+    colors: np.ndarray = table[np.round(255.0 * shade).astype(np.uint8)]
+    return colors
 
 
 def _where(seen: np.ndarray, colors: np.ndarray) -> np.ndarray:

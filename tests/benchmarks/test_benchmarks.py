@@ -61,10 +61,11 @@ def test_case_builds_and_moves(case: cases.Case) -> None:
 
 
 @pytest.mark.parametrize("name", list(peers.PEERS))
-def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path) -> None:
+def test_renderers_agree_and_the_json_says_so(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if name not in peers.installed():
         pytest.skip(f"{name} is not installed")
-    size = (320, 240) if name == "mujoco" else (16, 16)
+    size = (96, 72) if name == "mujoco" else (16, 16)
+    monkeypatch.setattr(peers, "LARGE_PIXELS", 96 * 72)
     if name == "mujoco" and os.environ.get("MUJOCO_GL") == "disable":
         pytest.skip("no OpenGL")
     out = tmp_path / "tiny.json"

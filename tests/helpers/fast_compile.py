@@ -3,11 +3,14 @@
 Warp's simulators and their renderers are compiled without optimising, in a fifth of the time: they compute little in
 tests. Where there is a GPU they are optimised a little, as Warp warns of CUDA's compiler otherwise.
 
-Our own are the same code on a CPU, not optimised, in a fifth of the time; WARPCAM_TESTS=optimized has them compiled as
-they are for users. So they always are in tests of single native functions, and in programs that a test starts as a
-user would: Python's own arguments behind this file's name run another one quickly, with the kernels of other tests.
+Our own that call kernels/native are the same code on a CPU, not optimised, in a fifth of the time;
+WARPCAM_TESTS=optimized has them compiled as they are for users. So are those that call none of it: they have few
+variants, and would lose more time in running slowly than in compiling. So all are in tests of single native functions,
+and in programs that a test starts as a user would: Python's own arguments behind this file's name run another one
+quickly, with the kernels of other tests.
 
-Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's.
+Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's; a program
+that a test starts with another folder for its kernels takes them from the tests' own (WARPCAM_TESTS_HEADERS).
 """
 
 import fcntl
@@ -39,8 +42,9 @@ def install(ours: bool = False) -> None:
             options["optimization_level"] = 1 if wp.is_cuda_available() else 0
             options["cpu_compiler_flags"] = f"-march=native {INSTANTIATED}"
         elif homes == {"warpcam"} and ours and options.get("cpu_compiler_flags"):
-            options["cpu_compiler_flags"] += f" {QUICK}{_together()}"
-            if options["extra_cpu_preamble"]:
+            native = bool(options["extra_cpu_preamble"])
+            options["cpu_compiler_flags"] += f" {QUICK}{_together()}" if native else f" {INSTANTIATED}"
+            if native:
                 options["extra_cpu_preamble"] += "#pragma clang fp contract(on)\n"  # as core/platform.h has it
         return options
 
@@ -65,7 +69,7 @@ def share_headers() -> None:
     def build_cpu(*args: Any, **options: Any) -> None:
         if QUICK in options["extra_flags"]:
             options["optimization_level"] = 0  # of what turns the optimised code into the machine's
-        folder = Path(wp.config.kernel_cache_dir) / name
+        folder = Path(os.environ.get("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir), name)
         folder.mkdir(parents=True, exist_ok=True)
         if options["pch_dir"]:
             options["pch_dir"] = str(folder)

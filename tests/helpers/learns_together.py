@@ -15,7 +15,9 @@ def main(folder: Path) -> None:
     task = CartPole(4, device=rank.device("cpu"), seed=rank.seed(3))
     pixels = task.pixels(16, 16)
     states = pixels.reset()["state"].clone()
-    training = ppo.Training(RslRlVecEnv(pixels), ppo.settings(task.groups, ["state"], num_steps_per_env=4, seed=3))
+    # As on a GPU: gradients of convolutions have the channel as their fastest index.
+    config = ppo.settings(task.groups, ["state"], num_steps_per_env=4, seed=3, channels_last=True)
+    training = ppo.Training(RslRlVecEnv(pixels), config)
     algorithm = training.runner.alg
     models = {"actor": algorithm.actor, "critic": algorithm.critic}
     before = {name: [one.clone() for one in model.parameters()] for name, model in models.items()}

@@ -36,7 +36,9 @@ def near_and_far(mjm: mujoco.MjModel) -> dict[str, float]:
 def draw(mjm: mujoco.MjModel, mjd: mujoco.MjData, camera: int) -> Reference:
     """MuJoCo's images of one camera of the model, or of its free camera, -1."""
     mjm.vis.quality.offsamples = 0  # one sample a pixel, in its centre: a depth of several is of none of them
+    shadow_map, mjm.vis.quality.shadowsize = mjm.vis.quality.shadowsize, 16  # neither image has shadows
     with reference_renderer(mjm, SIZE, SIZE) as renderer:
+        mjm.vis.quality.shadowsize = shadow_map
         renderer.update_scene(mjd, camera=camera, scene_option=options())
         renderer.enable_segmentation_rendering()
         pairs = renderer.render().copy()

@@ -80,6 +80,11 @@ def simulated() -> Names:
     return {"mujoco": mujoco, "mjm": mjm, "mjd": mjd, "model": mjm, "data": mjd, "m": m, "d": d}
 
 
+def in_a_file() -> Names:
+    Path("scene.xml").write_text(MODEL)
+    return {}
+
+
 def looked_at(*outputs: str) -> Names:
     names = simulated()
     scene = wc.from_mujoco_warp(*(names[name] for name in ("mjm", "m", "d")))
@@ -244,7 +249,7 @@ def recorded() -> Names:
 
 
 PAGES: dict[str, Callable[[], Names]] = {
-    "README.md": simulated,
+    "README.md": in_a_file,
     "docs/cameras.md": cameras,
     "docs/datasets_trajectories.md": recorded,
     "docs/first_picture.md": simulated,

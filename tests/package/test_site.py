@@ -115,6 +115,12 @@ def test_tables_of_the_readme_are_those_of_the_performance_page() -> None:
     [
         ("cameras.md", "[a](outputs.md#flow)", "[a](outputs.md#flow)"),
         ("cameras.md", "[a](../examples/hello.py)", "[a](repository/examples/hello.py.md)"),
+        ("examples.md", "[a](../examples/notebooks/a.ipynb)", None),
+        (
+            "examples.md",
+            "[a](../examples/notebooks/labels.ipynb)",
+            "[a](repository/examples/notebooks/labels.ipynb.md)",
+        ),
         ("compat/mjlab.md", "[a](../../benchmarks/README.md#cases)", "[a](../repository/benchmarks/about.md#cases)"),
         ("repository/CHANGELOG.md", "[a](docs/cameras.md#b)", "[a](../cameras.md#b)"),
         ("repository/benchmarks/about.md", "[a](results) [b](NOTES.md)", "a [b](NOTES.md)"),

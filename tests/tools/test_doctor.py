@@ -155,15 +155,23 @@ def test_a_process_prints_nothing_but_json() -> None:
     told = json.loads(done.stdout)
     assert (done.returncode, told["ok"]) == (0, True)
     assert {"name": "MUJOCO_EGL_DEVICE_ID", "value": "3", "meaning": doctor._IGNORED} in told["environment"]
-    command = [sys.executable, *program]
+    twice = (
+        "import sys; from warpcam.tools import cli; "
+        "print(cli.main(['doctor'])); sys.exit(cli.main(['doctor', '--json']))"
+    )
     nowhere = {**os.environ, "WARP_CACHE_PATH": "/proc/nowhere"}
-    for form in ([], ["--json"]):
-        broken = subprocess.run([*command, *form], env=nowhere, capture_output=True, text=True, timeout=300)
-        assert broken.returncode == 1 and "Traceback" not in broken.stderr
-        problem = json.loads(broken.stdout)["problems"][0] if form else broken.stdout
+    broken = subprocess.run([sys.executable, "-c", twice], env=nowhere, capture_output=True, text=True, timeout=300)
+    assert broken.returncode == 1 and "Traceback" not in broken.stderr
+    text, form = broken.stdout.split("\n1\n")
+    for problem in (text, json.loads(form)["problems"][0]):
         assert "Warp does not start" in problem and "/proc/nowhere" in problem and "WARP_CACHE_PATH" in problem
-    wrong = subprocess.run([*command, "--jsn"], capture_output=True, text=True, timeout=300)
-    assert wrong.returncode == 2 and wrong.stdout == "" and "--jsn" in wrong.stderr
+
+
+def test_a_mistake_prints_nothing_on_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["doctor", "--jsn"])
+    printed = capsys.readouterr()
+    assert printed.out == "" and "--jsn" in printed.err
 
 
 def test_a_gpu_is_told_with_all_its_names(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,6 +32,7 @@ class _Rate(ProgressColumn):
 
 def add(command: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    command.description = ABOUT
     kinds = ", ".join((*formats.MUJOCO, *formats.USD, *formats.MESHES))
     command.add_argument(
         "scene", nargs="?", type=Path, metavar="SCENE", help=f"a file: {kinds} (default: a demo scene)"

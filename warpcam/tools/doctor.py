@@ -1,27 +1,27 @@
 """``warpcam doctor``: what is where on this machine, and whether every device of it renders what the CPU renders."""
 
+import argparse
 import json
 import os
 import platform
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import torch
 import warp as wp
-from rich.console import Console, Group
-from rich.padding import Padding
-from rich.table import Table
-from rich.text import Text
+from rich.console import Console
 
 from warpcam.accel import tree_cache
 from warpcam.core import device as device_rule
 from warpcam.kernels.runtime.cpu_pool import cpu_threads, parse_positive_int
-from warpcam.tools import self_test
+from warpcam.tools import self_test, startup
+from warpcam.tools.doctor_report import Card, Render, Report, Variable, screen_of
 
+ABOUT = "print what is where on this machine, and render a small scene on every device; 1 if one fails"
 PACKAGES = ("warpcam", "warp-lang", "torch", "numpy", "pillow", "rich")
 SIMULATORS = (
     "mujoco",
@@ -55,74 +55,13 @@ VARIABLES: Mapping[str, str | Callable[[], str]] = {
 }
 
 
-@dataclass(frozen=True)
-class Card:
-    """A device, as Warp knows it. A CPU has no UUID, address, architecture and memory of its own."""
-
-    alias: str
-    name: str
-    uuid: str | None
-    pci: str | None
-    arch: int | None
-    memory: int | None  # [bytes]
-    free: int | None  # [bytes]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """An environment variable that bears on devices: its value as it stands, None if it is not set."""
-
-    name: str
-    value: str | None
-    meaning: str
-
-
-@dataclass(frozen=True)
-class Render:
-    """The self test on one device.
-
-    Attributes:
-        device: Its alias.
-        passed: Whether the images are what they must be.
-        problem: What is wrong with them, or why there are none.
-        first: Until the first frame, compilation included [s].
-        frame: Of a later frame of four small worlds [s].
-        different: Share of pixels that are not the CPU's; None for the CPU itself, and without images.
-        plan: The kernels that made them, a line each; None without images.
-    """
-
-    device: str
-    passed: bool
-    problem: str | None = None
-    first: float | None = None
-    frame: float | None = None
-    different: float | None = None
-    plan: str | None = None
-
-
-@dataclass(frozen=True)
-class Report:
-    """All of it. ``problems`` make the exit status 1, ``remarks`` do not."""
-
-    python: str
-    platform: str
-    packages: dict[str, str | None]
-    simulators: dict[str, str | None]
-    cuda: dict[str, str | int | None]
-    caches: dict[str, str]
-    devices: list[Card]
-    environment: list[Variable]
-    renders: list[Render]
-    problems: list[str]
-    remarks: list[str]
-
-
-def examine(devices: Sequence[wp.Device], said: Callable[[str], None] = lambda _: None) -> Report:
+def examine(devices: Sequence[wp.Device], said: Callable[[str], None] = lambda _: None, deep: bool = False) -> Report:
     """Look at everything and render on every device.
 
     Args:
         devices: The CPU first.
         said: Is told what is going on.
+        deep: Compare every output, lenses and sensors of each GPU with the CPU's.
     """
     environment = read_environment()
     renders: list[Render] = []
@@ -133,6 +72,12 @@ def examine(devices: Sequence[wp.Device], said: Callable[[str], None] = lambda _
         renders.append(render)
         judge = images if device.is_cpu else judge
     problems = [f"{render.device}: {render.problem}" for render in renders if not render.passed]
+    compared = _compared(devices, said) if deep else []
+    problems += [
+        f"{each.device}: {each.check}, {each.output}: {each.different:.1%} of the pixels are not the CPU's"
+        for each in compared
+        if not each.passed
+    ]
     gpus, torchs = sum(not device.is_cpu for device in devices), torch.cuda.device_count()
     if gpus != torchs:
         problems.append(f"Warp sees {gpus} GPUs, torch {torchs}: {_why_torch_differs(gpus, torchs)}")
@@ -151,8 +96,10 @@ def examine(devices: Sequence[wp.Device], said: Callable[[str], None] = lambda _
         devices=[_card(device) for device in devices],
         environment=environment,
         renders=renders,
+        compared=compared,
         problems=problems,
-        remarks=_remarks(environment),
+        remarks=_remarks(environment)
+        + (["--deep compares GPUs with the CPU, and there is none"] if deep and not gpus else []),
     )
 
 
@@ -166,17 +113,29 @@ def read_environment() -> list[Variable]:
     return found
 
 
+def add(command: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    command.description = ABOUT
+    command.add_argument("--json", action="store_true", help="print it for programs")
+    command.add_argument("--plan", action="store_true", help="print the kernels of the self test, too")
+    command.add_argument(
+        "--deep",
+        action="store_true",
+        help="compare every output, lenses and sensors of each GPU with the CPU's: minutes",
+    )
+
+
 def run(options: Any) -> int:
     """Print the report; 1 if there is a problem."""
     try:
-        wp.init()
+        startup.init_quietly()
     except Exception as error:  # whatever a broken installation raises; mostly a folder that cannot be written
         problem = f"Warp does not start: {error}. WARP_CACHE_PATH says where it keeps compiled kernels, else the home"
         print(json.dumps({"ok": False, "problems": [problem]}) if options.json else f"PROBLEM {problem}")
         return 1
     screen = Console(stderr=True)
     with screen.status("looking around") as status:
-        report = examine(wp.get_devices(), lambda text: status.update(text))
+        report = examine(wp.get_devices(), lambda text: status.update(text), options.deep)
     if options.json:
         json.dump({"ok": not report.problems, **asdict(report)}, sys.stdout, indent=2)
         print()
@@ -188,67 +147,10 @@ def run(options: Any) -> int:
     return int(bool(report.problems))
 
 
-def screen_of(report: Report, plans: bool = False) -> Group:
-    """The report for people."""
-    parts: list[Any] = []
+def _compared(devices: Sequence[wp.Device], said: Callable[[str], None]) -> list[self_test.Comparison]:
+    from warpcam.tools import deep_test  # which imports all that it tests
 
-    def section(title: str, rows: list[tuple[str, ...]]) -> None:
-        table = Table.grid(padding=(0, 2))
-        for row in rows:
-            table.add_row(*map(Text, row))
-        parts.extend((Text(title, style="bold"), Padding(table, (0, 0, 0, 2))))
-
-    def versions(packages: Mapping[str, str | None]) -> list[tuple[str, ...]]:
-        return [(name, found or "not installed") for name, found in packages.items()]
-
-    section("Software", [("python", f"{report.python} on {report.platform}"), *versions(report.packages)])
-    section("Simulators and the like", versions(report.simulators))
-    section(
-        "CUDA",
-        [
-            ("driver", f"for CUDA {report.cuda['driver']}" if report.cuda["driver"] else "none"),
-            ("warp", f"built with CUDA {report.cuda['warp']}" if report.cuda["warp"] else "built without CUDA"),
-            (
-                "torch",
-                f"built with CUDA {report.cuda['torch']}, sees {report.cuda['torch_gpus']} GPUs"
-                if report.cuda["torch"]
-                else "built without CUDA",
-            ),
-        ],
-    )
-    section("Caches", list(report.caches.items()))
-    section("Devices", [_row(card) for card in report.devices])
-    section(
-        "Environment",
-        [
-            (each.name, "not set" if each.value is None else repr(each.value), each.meaning)
-            for each in report.environment
-        ],
-    )
-    section("Self test", [_result(render) for render in report.renders])
-    for render in report.renders if plans else ():
-        section(f"Kernels on {render.device}", [(line,) for line in (render.plan or "none").splitlines()])
-    parts.extend(Text(f"! {text}", style="yellow") for text in report.remarks)
-    parts.extend(Text(f"PROBLEM {text}", style="bold red") for text in report.problems)
-    parts.append(Text("all is well" if not report.problems else f"problems: {len(report.problems)}", style="bold"))
-    return Group(*parts)
-
-
-def _row(card: Card) -> tuple[str, ...]:
-    if card.memory is None or card.free is None:
-        return card.alias, card.name
-    memory = f"{card.free / 2**30:.1f} of {card.memory / 2**30:.1f} GiB free"
-    return card.alias, card.name, memory, f"sm_{card.arch}", str(card.uuid), f"PCI {card.pci}"
-
-
-def _result(render: Render) -> tuple[str, ...]:
-    if render.first is None or render.frame is None:
-        return render.device, "FAILED", str(render.problem)
-    times = f"first frame after {render.first:.1f} s, then {1e3 * render.frame:.2f} ms"
-    judged = "against the shapes' equations"
-    if render.different is not None:
-        judged += f" and the CPU: {render.different:.2%} of the pixels differ"
-    return render.device, "passed" if render.passed else "FAILED", times, render.problem or judged
+    return [each for device in devices if not device.is_cpu for each in deep_test.compare(device, said)]
 
 
 def _render(device: wp.Device, judge: Mapping[str, Any] | None) -> tuple[Render, dict[str, Any] | None]:

@@ -48,6 +48,30 @@ class RenderedFrame:
     plan: str | None = None
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """An image of a device beside the CPU's.
+
+    Attributes:
+        device: Its alias.
+        check: What was rendered: see deep_test.py.
+        output: Name of the image.
+        different: Share of pixels that are not the CPU's.
+        passed: Whether these are few enough.
+    """
+
+    device: str
+    check: str
+    output: str
+    different: float
+    passed: bool
+
+
+def scene(device: wp.Device, worlds: int) -> DrivenScene:
+    """The scene there: "/wall", "/ball" and "/block" in the light of "/sun"."""
+    return DrivenScene(SceneGraphSource(_graph(), worlds, device))
+
+
 def shoot(device: wp.Device) -> RenderedFrame:
     """Render the scene there."""
     start = time.perf_counter()
@@ -60,7 +84,7 @@ def shoot(device: wp.Device) -> RenderedFrame:
         position=tuple(EYE),
         shadows=True,
     )
-    renderer = Renderer(DrivenScene(SceneGraphSource(_graph(), WORLDS, device)), [camera])
+    renderer = Renderer(scene(device, WORLDS), [camera])
     times = []
     for _ in range(1 + FRAMES):
         renderer.render()

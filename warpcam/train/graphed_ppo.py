@@ -77,6 +77,7 @@ class GraphedPPO(PPO):  # type: ignore[misc]
             self._rate = torch.tensor(self.learning_rate, device=self.device)
             self._losses = torch.zeros(3, device=self.device)  # value, surrogate, entropy
             self._divergence = torch.zeros((), device=self.device)
+            self._shared = self._divergence  # of several processes: gradients and divergence of a mini batch
             size = storage.num_envs * storage.num_transitions_per_env // self.num_mini_batches
             self._rows = torch.zeros(size, dtype=torch.long, device=self.device)
             self._advantages = torch.zeros_like(storage.advantages)
@@ -117,9 +118,7 @@ class GraphedPPO(PPO):  # type: ignore[misc]
                     self._rows.copy_(batch)
                     if self.is_multi_gpu:
                         self._back()
-                        self.reduce_parameters()
-                        torch.distributed.all_reduce(self._divergence)
-                        self._divergence /= self.gpu_world_size
+                        torch.distributed.all_reduce(self._shared)
                         self._forth()
                     else:
                         self._update()
@@ -186,9 +185,24 @@ class GraphedPPO(PPO):  # type: ignore[misc]
             weights.grad = None
         (surrogate + self.value_loss_coef * value - self.entropy_coef * entropy).backward()
         self._losses += torch.stack((value, surrogate, entropy)).detach()
+        if self.is_multi_gpu:
+            self._shared = torch.cat([values.reshape(-1) for values in self._averaged()])
+
+    def _averaged(self) -> list[torch.Tensor]:
+        """What processes average: gradients, in whichever order memory has them, and how far the policy has gone."""
+        gradients = [weights.grad for weights in self._weights() if weights.grad is not None]
+        return [*gradients, self._divergence]
+
+    def _take_averages(self) -> None:
+        averaged = self._averaged()
+        means = (self._shared / self.gpu_world_size).split([values.numel() for values in averaged])
+        for values, mean in zip(averaged, means, strict=True):
+            values.copy_(mean.view(values.shape))
 
     def _apply(self) -> None:
         """Adapt the learning rate to how far the policy has gone, and step."""
+        if self.is_multi_gpu:
+            self._take_averages()
         if self.desired_kl is not None and self.schedule == "adaptive":
             far, rate = self._divergence, self._rate
             slower, faster = (rate / FACTOR).clamp(min=SLOWEST), (rate * FACTOR).clamp(max=FASTEST)

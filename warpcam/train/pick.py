@@ -13,6 +13,7 @@ from warpcam.render.camera_binding import CameraArrays
 from warpcam.train.arm import BASE, LINKS, compile_arm
 from warpcam.train.images import Normalize
 from warpcam.train.mujoco_task import MujocoTask
+from warpcam.train.options import ENCODERS
 
 CAMERA, VIEW = "front", "overview"
 PLACE, ROTATION, FOVY = (1.0, 0.0, 0.5), (0.638, 0.3048, 0.3048, 0.638), 38.0  # of the camera: [m], wxyz, [degrees]
@@ -88,7 +89,14 @@ class Pick(MujocoTask):
     camera, view = CAMERA, VIEW
     operations = (Normalize(),)
     stack, iterations = 1, 500
-    ppo: ClassVar[Mapping[str, Any]] = {"hidden": (256, 128), "gamma": 0.97, "entropy_coef": 0.001}
+    ppo: ClassVar[Mapping[str, Any]] = {
+        "encoder": ENCODERS["places"],
+        "hidden": (256, 128),
+        "gamma": 0.97,
+        "entropy_coef": 0.001,
+        "num_learning_epochs": 5,
+        "num_mini_batches": 8,
+    }
     speed, closing = 0.02, 0.01  # greatest changes in a step [m]
     lowest, highest = (0.38, -0.2, 0.02), (0.6, 0.2, 0.3)  # corners of where the tool may be [m]
     first, last = (0.42, -0.15), (0.56, 0.15)  # corners of where cubes are [m]

@@ -1,5 +1,7 @@
 """Sites, tendons, flexes and skins of MuJoCo, against ``mujoco.Renderer`` and in closed form."""
 
+import functools
+
 import mujoco
 import mujoco_judge as judge
 import numpy as np
@@ -22,6 +24,12 @@ def looked_at(name: str, seed: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
     mjm, mjd = visual_geom_scenes.bent(name, seed)
     mjm.stat.center[:], mjm.stat.extent = 0.0, 1.2
     return mjm, mjd
+
+
+@functools.cache
+def drawn(name: str, seed: int) -> judge.Reference:
+    """MuJoCo's own images of it."""
+    return judge.draw(*looked_at(name, seed), camera=-1)
 
 
 def as_classic(name: str, device: wp.Device) -> wc.Scene:
@@ -48,7 +56,7 @@ def as_warp(name: str, device: wp.Device) -> wc.Scene:
 def test_ids_and_depth_are_those_of_mujocos_own_renderer(device: wp.Device, name: str, source: object) -> None:
     scene = source(name, device)
     for world in range(2):
-        reference = judge.draw(*looked_at(name, world), camera=-1)
+        reference = drawn(name, world)
         judge.compare_with(reference, scene, name, world, ENDS if name == "line" else 0)
         assert set(np.unique(reference.pairs[..., 1])) - {-1, 5}, "nothing but geoms is in the image"
 
@@ -56,7 +64,8 @@ def test_ids_and_depth_are_those_of_mujocos_own_renderer(device: wp.Device, name
 @pytest.mark.parametrize("name", visual_geom_scenes.MODELS)
 def test_colours_are_those_of_mujocos_own_renderer(device: wp.Device, name: str) -> None:
     mjm, mjd = looked_at(name, 0)
-    reference = judge.draw(mjm, mjd, camera=-1)
+    reference = drawn(name, 0)
+    mjm.vis.quality.offsamples = 0
     with mujoco.Renderer(mjm, judge.SIZE, judge.SIZE) as renderer:
         renderer.update_scene(mjd)
         expected = renderer.render().astype(int)

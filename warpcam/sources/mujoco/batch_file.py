@@ -106,12 +106,10 @@ def restart(host: Any, state: Any) -> None:
     mujoco.mj_forward(host, state)
 
 
-def move(batch: MujocoBatch, *, seed: int, by: float = 0.1) -> None:
-    """Take every joint a part of the way to other random positions."""
-    start = batch.data.qpos.numpy()
-    other = joint_positions(batch.host, start[0], num_worlds=len(start) + 1, seed=seed)[1:]
-    batch.data.qpos.assign(start + by * (other - start))
-    forward(batch)
+def moved(host: Any, positions: np.ndarray, *, seed: int, by: float = 0.1) -> np.ndarray:
+    """Joint positions, (world, nq), with every joint a part of the way to other random positions."""
+    other = joint_positions(host, positions[0], num_worlds=len(positions) + 1, seed=seed)[1:]
+    return positions + by * (other - positions)
 
 
 def joint_positions(host: Any, start: np.ndarray, *, num_worlds: int, seed: int) -> np.ndarray:

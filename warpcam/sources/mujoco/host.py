@@ -109,8 +109,7 @@ class MujocoSource(ModelSource):
         """Copy poses and all else that may change to the device, in order with its current stream."""
         if self._copied is not None:
             wp.synchronize_event(self._copied)  # of the frame before: the staging block is free again
-        for staged, live in self._live:
-            staged[...] = live
+        self._stage()
         self._staged["time"][:] = [mjd.time for mjd in self._mjds]
         self._staged["headlight"][:] = model.headlight(self._mjm)
         if self._decor is not None:
@@ -124,12 +123,20 @@ class MujocoSource(ModelSource):
         if self._copied is not None:
             self.device.stream.record_event(self._copied)
 
+    def _stage(self) -> None:
+        """Copy what may change to the host's block."""
+        for staged, live in self._live:
+            staged[...] = live
+
     def _pairs(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield each destination with MuJoCo's own array, which stays at its address."""
-        for names, owners in ((self._data_names, self._mjds), (self._model_names, (self._mjm,))):
-            for field, name in names.items():
-                for staged, owner in zip(self._staged[field], owners, strict=True):
-                    yield staged, getattr(owner, name).reshape(staged.shape)
+        yield from self._pairs_of(self._data_names, self._mjds)
+        yield from self._pairs_of(self._model_names, (self._mjm,))
+
+    def _pairs_of(self, names: Mapping[str, str], owners: Sequence[Any]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        for field, name in names.items():
+            for staged, owner in zip(self._staged[field], owners, strict=True):
+                yield staged, getattr(owner, name).reshape(staged.shape)
 
     def _stage_decor(self, decor: MjvGeomSlots) -> None:
         for staged, array in self._staged_decor:
@@ -140,12 +147,16 @@ class MujocoSource(ModelSource):
 
     def forward(self) -> None:
         for mjd in self._mjds:
-            mujoco.mj_kinematics(self._mjm, mjd)
-            mujoco.mj_comPos(self._mjm, mjd)
-            mujoco.mj_camlight(self._mjm, mjd)
-            if self._tables is not None:
-                mujoco.mj_flex(self._mjm, mjd)
-                mujoco.mj_tendon(self._mjm, mjd)
+            self._pose(mjd)
+
+    def _pose(self, mjd: mujoco.MjData) -> None:
+        """Compute what is drawn of a world from its joints."""
+        mujoco.mj_kinematics(self._mjm, mjd)
+        mujoco.mj_comPos(self._mjm, mjd)
+        mujoco.mj_camlight(self._mjm, mjd)
+        if self._tables is not None:
+            mujoco.mj_flex(self._mjm, mjd)
+            mujoco.mj_tendon(self._mjm, mjd)
 
     def _shape(self, name: str) -> tuple[int, ...]:
         more = 0

@@ -1,0 +1,38 @@
+"""Arguments that say what is rendered, in how many worlds, and where."""
+
+import argparse
+from pathlib import Path
+
+import warp as wp
+
+from warpcam.core.device import resolve
+from warpcam.core.errors import WarpcamError
+from warpcam.sources.common import formats
+from warpcam.tools.image_size import image_size
+
+
+def add(command: argparse.ArgumentParser, worlds: int, size: str) -> None:
+    """Add the arguments that say what is rendered, in how many worlds, and where."""
+    command.add_argument(
+        "scene",
+        nargs="?",
+        type=Path,
+        metavar="SCENE",
+        help=f"a file: {', '.join((*formats.MUJOCO, *formats.USD, *formats.MESHES))} (default: a demo scene)",
+    )
+    command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
+    command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
+    command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
+    command.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+
+def check(options: argparse.Namespace) -> tuple[int, int, wp.Device]:
+    """Width and height of an image, and the device."""
+    size = image_size(options.size)
+    if options.worlds < 1:
+        raise WarpcamError(f"--worlds: {options.worlds} came, at least 1 is needed")
+    if options.seed < 0:
+        raise WarpcamError(f"--seed: {options.seed} came, 0 or more is needed")
+    if options.scene is not None and not options.scene.is_file():
+        raise WarpcamError(f"scene: there is no file {str(options.scene)!r}")
+    return *size, resolve(options.device)
