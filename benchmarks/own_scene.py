@@ -9,8 +9,9 @@ import numpy as np
 from warpcam.benchmarks.cases import Case
 from warpcam.benchmarks.scenes import facing
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.formats import USD
-from warpcam.sources.mujoco import urdf
+from warpcam.sources.mujoco import mjcf_files, urdf
 
 ADDED = "whole scene"  # camera of a scene that has none
 AWAY = np.array((0.55, -0.75, 0.55))  # direction from the middle of a scene to that camera
@@ -84,7 +85,8 @@ def read(path: Path) -> mujoco.MjSpec:
     if kind not in (".xml", ".urdf"):
         raise WarpcamError(f"--scene: {str(path)!r} came; known are .xml, .urdf, {', '.join(USD)}")
     try:
-        return urdf.load_spec(path) if kind == ".urdf" else mujoco.MjSpec.from_file(str(path))
+        own = FileAccess(path, trusted=True)  # a scene of one's own
+        return (urdf.load_spec if kind == ".urdf" else mjcf_files.read_spec)(path, own)
     except ValueError as error:
         raise refused(path, error) from None
 

@@ -44,6 +44,8 @@ class SceneFlag(IntFlag):
     COINCIDENT = 1 << 14  # shapes of MuJoCo's stand in the same place: native/shading/appearance.h
     # outputs that are not lit see planes from behind, too: native/camera/shape_setup.h
     PLANES_FROM_BEHIND = 1 << 15
+    # of shadows: a light without an ambient part gives nothing to what is turned away from it
+    BACKS_UNLIT = 1 << 16
 
 
 NO_SCENE_FLAGS = SceneFlag(0)
@@ -132,6 +134,11 @@ class ShadingFlag(IntFlag):
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own
     HAS_EXPOSURE = 1 << 23
     HAS_MIPS = 1 << 24  # each texture but cubes has a mipmapped one; told where floors are looked up by them
+    # the curve from light to display colours, native/shading/tone_mapping.h; none of them: light is cut off at white
+    REINHARD = 1 << 25
+    ACES = 1 << 26
+    KHRONOS_NEUTRAL = 1 << 27
+    AGX = 1 << 28
 
 
 NO_SHADING_FLAGS = ShadingFlag(0)

@@ -206,6 +206,8 @@ class Physical:
     # (world*, material) of what is no metal, for light that falls straight; below 0: UNLIT
     reflectance: wp.array2d(dtype=wp.float32)
     emissive: wp.array2d(dtype=wp.vec3)  # (world*, material) linear
+    # (world*, material) share of what is not reflected that goes through, as in glass; only paths of light follow it
+    transmission: wp.array2d(dtype=wp.float32)
     forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above
     # (world*, light) sphere and disk (radius, -, -); rectangle (half width, half height, -); cylinder (radius, half
     # length, -) [m]; directional lights (squared sine of the angle from the middle to the edge, -, -)

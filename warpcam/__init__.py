@@ -10,13 +10,16 @@ from warpcam.camera.fisheye import Fisheye, FTheta, KannalaBrandt
 from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Rays
 from warpcam.camera.wide_lenses import DoubleSphere, Equirectangular, ExtendedUnified, Omnidirectional
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import OutOfMemoryError, WarpcamError
+from warpcam.core.file_access import Limits
 from warpcam.labeling.camera_labels import CameraLabels
 from warpcam.labeling.keypoints import site_keypoints
 from warpcam.labeling.labels import Labels, labels
 from warpcam.load import add_urdf, from_mujoco, from_mujoco_warp, from_newton, from_usd, load
 from warpcam.randomize import Choice, Uniform, randomize
+from warpcam.render.denoise import denoise
 from warpcam.render.memory import Memory, estimate_memory
+from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.light import Light
@@ -43,9 +46,12 @@ __all__ = [
     "Labels",
     "Lens",
     "Light",
+    "Limits",
     "Memory",
     "Omnidirectional",
     "Orthographic",
+    "OutOfMemoryError",
+    "PathOptions",
     "Pinhole",
     "RadTanThinPrismFisheye",
     "Rays",
@@ -55,6 +61,7 @@ __all__ = [
     "Uniform",
     "WarpcamError",
     "add_urdf",
+    "denoise",
     "estimate_memory",
     "from_mujoco",
     "from_mujoco_warp",

@@ -1,8 +1,11 @@
 """Loaders: a scene from each simulator, from a USD stage, or from a file."""
 
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.memory_errors import memory_told
 from warpcam.kernels.runtime.streams import preserve_cuda_context
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_planes
@@ -12,6 +15,7 @@ from warpcam.sources.common.optional import import_source
 
 
 @preserve_cuda_context()
+@memory_told("from_mujoco_warp")
 def from_mujoco_warp(
     mjm: Any,
     m: Any,
@@ -63,6 +67,7 @@ def from_mujoco_warp(
 
 
 @preserve_cuda_context()
+@memory_told("from_mujoco")
 def from_mujoco(
     mjm: Any,
     mjd: Any,
@@ -103,6 +108,7 @@ def from_mujoco(
 
 
 @preserve_cuda_context()
+@memory_told("from_newton")
 def from_newton(
     model: Any,
     state: Any,
@@ -142,7 +148,16 @@ def from_newton(
     return scene
 
 
-def add_urdf(builder: Any, path: Any, *, packages: Mapping[str, Any] | None = None, **options: Any) -> None:
+def add_urdf(
+    builder: Any,
+    path: Any,
+    *,
+    packages: Mapping[str, Any] | None = None,
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
+    **options: Any,
+) -> None:
     """Add the robot of a URDF file to a Newton builder, by ``builder.add_urdf``, with meshes as ``load`` reads them.
 
     Meshes keep the units, colours and textures of their files. A mesh that cannot be read costs its link that shape, or
@@ -152,12 +167,18 @@ def add_urdf(builder: Any, path: Any, *, packages: Mapping[str, Any] | None = No
         builder: A ``newton.ModelBuilder``.
         path: The file.
         packages: As ``load`` has it.
+        trusted: As ``load`` has it.
+        search_paths: As ``load`` has it.
+        limits: As ``load`` has it.
         options: Of ``builder.add_urdf``: ``xform``, ``floating`` and the like.
     """
-    import_source("newton.urdf", "newton").add(builder, path, packages, options)
+    import_source("newton.urdf", "newton").add(
+        builder, path, packages, options, trusted=trusted, search_paths=search_paths, limits=limits
+    )
 
 
 @preserve_cuda_context()
+@memory_told("from_usd")
 def from_usd(
     path_or_stage: Any,
     num_worlds: int = 1,
@@ -172,6 +193,9 @@ def from_usd(
     textures: Mapping[str, Any] | None = None,
     exposure: float | None = None,
     transparency: bool | None = None,
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
 ) -> DrivenScene:
     """A USD stage in many worlds, which share its meshes and textures.
 
@@ -191,7 +215,12 @@ def from_usd(
             (height, width, 3) uint8.
         exposure: All light is multiplied by 2 to this; None exposes the middle of the scene.
         transparency: As ``from_newton`` has it.
+        trusted: As ``load`` has it. A stage that is given was opened by the caller, and is trusted.
+        search_paths: As ``load`` has it; USD looks there for names that do not begin with "./" or "../".
+        limits: As ``load`` has it.
     """
+    source = Path(path_or_stage) if isinstance(path_or_stage, str | Path) else None
+    access = FileAccess(source, trusted or source is None, search_paths, limits, "from_usd")
     scene: DrivenScene = import_source("usd.source", "usd").load(
         path_or_stage,
         num_worlds,
@@ -205,11 +234,13 @@ def from_usd(
         textures={} if textures is None else textures,
         exposure=exposure,
         transparency=transparency,
+        access=access,
     )
     return scene
 
 
 @preserve_cuda_context()
+@memory_told("load")
 def load(
     path: Any,
     num_worlds: int = 1,
@@ -220,6 +251,9 @@ def load(
     textures: Mapping[str, Any] | None = None,
     transparency: bool | None = None,
     packages: Mapping[str, Any] | None = None,
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
@@ -239,6 +273,14 @@ def load(
         transparency: As ``from_newton`` has it.
         packages: Folders of ROS packages by their names, for ``package://`` in .urdf files. Other packages are looked
             for in the folders above the file and in ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``.
+        trusted: Whether the scene's files may name files anywhere. False: in the scene's folder, its ROS package,
+            folders of assets beside it (``../meshes``, ``../textures`` and the like), and ``search_paths``;
+            ``WarpcamError`` for a file elsewhere.
+        search_paths: More folders that may be opened. What is not found where a file names it is looked for there.
+        limits: Sizes of files, images, meshes and counts that are refused; None is ``Limits()``.
+
+    Raises:
+        WarpcamError: The file cannot be read, names files that it may not open, or something is over a limit.
     """
     from warpcam.sources import load_file
 
@@ -251,4 +293,7 @@ def load(
         textures={} if textures is None else textures,
         transparency=transparency,
         packages=packages,
+        trusted=trusted,
+        search_paths=search_paths,
+        limits=limits,
     )

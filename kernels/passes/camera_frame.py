@@ -37,6 +37,7 @@ class CameraFrame:
             they are.
         group: Which worlds are drawn.
         device: Where all of these lie.
+        paths: PathArrays of passes/paths.py, where lit images are traced by paths of light.
     """
 
     tables: SceneTables
@@ -55,6 +56,7 @@ class CameraFrame:
     group: Group
     device: wp.Device
     parts: tuple[int, int] = (1, 1)
+    paths: Any = None
 
     @property
     def layers(self) -> LayerTables:

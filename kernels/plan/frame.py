@@ -12,10 +12,11 @@ import warp as wp
 
 from warpcam.kernels.flags import TRAVERSED, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
-from warpcam.kernels.plan import edges, history, launches, shading, shadow, splats, trace
+from warpcam.kernels.plan import edges, history, launches, paths, shading, shadow, splats, trace
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
+from warpcam.kernels.plan.paths import PathKey, PathListKey
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
@@ -25,7 +26,10 @@ from warpcam.kernels.plan.words import describe
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
-KernelKey = ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
+KernelKey = (
+    ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
+    | PathListKey | PathKey
+)  # fmt: skip
 
 Key = TypeVar("Key")
 Result = TypeVar("Result")
@@ -77,6 +81,7 @@ class FramePlan:
         in_place: Edges are smoothed where the images lie.
         fine: Plan of lit images that are drawn finer, whose means are the camera's; None where none is.
         parts: Parts of a pixel, across and down, that are pixels of the finer images.
+        paths: Lit images are traced by paths of light.
     """
 
     lists: ListKey | None
@@ -89,6 +94,7 @@ class FramePlan:
     in_place: bool
     fine: "FramePlan | None" = None
     parts: tuple[int, int] = (1, 1)
+    paths: bool = False
 
     @property
     def passes(self) -> Passes:
@@ -143,6 +149,8 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         device: Where it is drawn.
         group: Worlds that are drawn together; None is all. The kernels' regions depend on it, the buffers do not.
     """
+    if request.paths and lit_outputs(request.outputs):
+        return _plan_paths(tables, request, device, group)
     if request.parts != (1, 1):
         return _plan_supersampled(tables, request, device, group)
     group = Group.of_all(tables.num_worlds) if group is None else group
@@ -177,6 +185,17 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         mirrors=mirrors,
         in_place=in_place,
     )
+
+
+def _plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
+    """Plan lit images by the path tracer, and the other outputs as they always are."""
+    rest = plan_frame(tables, request.unlit, device, group) if request.unlit.outputs else NOTHING
+    images = tuple((name, name) for name in lit_outputs(request.outputs))
+    traced = (
+        PlannedPass("path shapes", paths.plan_list(tables, request, device), paths.LIST_THREADS),
+        PlannedPass("paths", paths.plan_paths(tables, request, device), request.width * request.height, images),
+    )
+    return replace(rest, shading=(*rest.shading, *traced), late=frozenset(), paths=True)
 
 
 def _plan_supersampled(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:

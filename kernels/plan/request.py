@@ -22,6 +22,8 @@ class ImageRequest:
         outputs: Names, of ``OUTPUTS``.
         shadows: Lights cast shadows.
         antialiasing: Samples of a pixel.
+        tone_mapping: One of ``shading.TONE_CURVES``.
+        paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
     """
 
     width: int
@@ -30,11 +32,13 @@ class ImageRequest:
     outputs: tuple[str, ...]
     shadows: bool = False
     antialiasing: int = 1
+    tone_mapping: str = "clip"
+    paths: bool = False
 
     @property
     def smooth(self) -> tuple[str, ...]:
         """Outputs whose edges are smoothed."""
-        return lit_outputs(self.outputs) if self.antialiasing > 1 else ()
+        return lit_outputs(self.outputs) if self.antialiasing > 1 and not self.paths else ()
 
     @property
     def parts(self) -> tuple[int, int]:
@@ -53,3 +57,9 @@ class ImageRequest:
         """All other outputs, which are those of the pixels' centres."""
         rest = tuple(name for name in self.outputs if name not in self.smooth)
         return replace(self, outputs=rest, antialiasing=1)
+
+    @property
+    def unlit(self) -> "ImageRequest":
+        """The outputs that no light changes."""
+        lit = lit_outputs(self.outputs)
+        return replace(self, outputs=tuple(name for name in self.outputs if name not in lit), paths=False)

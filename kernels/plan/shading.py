@@ -22,6 +22,14 @@ IMAGES = {
     "albedo": ImageFlag.ALBEDO,
 }
 LIT = ("rgb", "rgba", "hdr")  # what mirrors, transparent shapes and haze change
+# From light to the display colours of physically based scenes.
+TONE_CURVES = {
+    "clip": ShadingFlag(0),
+    "reinhard": ShadingFlag.REINHARD,
+    "aces": ShadingFlag.ACES,
+    "khronos_neutral": ShadingFlag.KHRONOS_NEUTRAL,
+    "agx": ShadingFlag.AGX,
+}
 LIT_FLAGS = ImageFlag.RGB | ImageFlag.RGBA | ImageFlag.HDR
 # native/shading_pass/store_quads.h
 IN_QUADS = frozenset(map(frozenset, (("rgb",), ("rgba",), ("rgb", "rgba"), ("hdr",), ("albedo",))))
@@ -105,7 +113,7 @@ def plan_shading(
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
     overrides = override_flags(tables.world_overrides, tables.headlights)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
-    flags = appearance_flags(tables, shadows) | layered | overrides
+    flags = appearance_flags(tables, shadows) | layered | overrides | tone_flag(request, outputs)
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
@@ -176,6 +184,11 @@ def override_flags(overrides: Any, headlights: bool) -> ShadingFlag:
     flags |= flag_if(ShadingFlag.HAS_OFFSETS, overrides.texture_offsets.size > 0)
     flags |= flag_if(ShadingFlag.PER_WORLD_BACKGROUND, overrides.skyboxes.size > 0)
     return flags | flag_if(ShadingFlag.HAS_EXPOSURE, overrides.exposures.size > 0)
+
+
+def tone_flag(request: ImageRequest, outputs: Collection[str]) -> ShadingFlag:
+    """Return the flag of the curve of display colours; none where no output has them."""
+    return ShadingFlag(0) if {"rgb", "rgba"}.isdisjoint(outputs) else TONE_CURVES[request.tone_mapping]
 
 
 def _capacity(tables: SceneTables, device: wp.Device) -> int:

@@ -21,7 +21,8 @@ REST_BYTES = 3400  # what else a block has, and what is reserved for it
 # and for the rays of a warp, also for each 32 shapes: shadow/mesh_any_hit.h, ShadowRays
 WALKED_BYTES, WORD_BYTES = 3232, 256
 WALK_BYTES, WALK_SHAPES = 1280, 64  # more up to so many shapes, ShadowRays::KEEPS
-CAPACITIES = (16, 32, 64, 128, 192)  # how many shapes a pass lists: few sizes, so that scenes share kernels
+SURVEY_BYTES = 2600  # more with the longest list: shadow/receivers.h, AskingTiles, near_casters.h, NearPlaces
+CAPACITIES = (16, 32, 64, 128, 160)  # how many shapes a pass lists: few sizes, so that scenes share kernels
 CPU_CAPACITIES = (64, 192)  # the same on a CPU, whose kernels take no longer with room to spare
 MANY_CASTERS_CAPACITIES = (512, 1024)  # the same in scenes of many shapes without meshes: native/shadow/many_casters.h
 MANY = 384  # shapes; with more, native/shadow/many_casters.h
@@ -58,6 +59,8 @@ def plan_shadow(
     many = MANY < num_casters <= MOST and not (device.is_cuda and MESH in tables.shape_types)
     capacities = MANY_CASTERS_CAPACITIES if many else CAPACITIES if device.is_cuda else CPU_CAPACITIES
     capacity = next(size for size in capacities if size >= min(num_casters, capacities[-1]))
+    surveyed = device.is_cuda and MESH in tables.shape_types and capacity == CAPACITIES[-1]
+    scene |= flag_if(SceneFlag.BACKS_UNLIT, surveyed and tables.physical is None)
     width, height = request.width, request.height
     region = region_size(tables, group.concurrent_worlds, width, height, device)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
@@ -79,4 +82,5 @@ def blocks(types: SceneTypes, capacity: int) -> int:
     bounds = CASTER_BOUNDS_BYTES if types.scene & SceneFlag.HAS_OCCLUDER_BOXES else 0
     listed = (LISTED_BYTES + bounds) * capacity
     listed *= 2 if capacity <= BESIDE else 1
-    return min(BLOCKS, launches.SHARED_MEMORY // (listed + rays + REST_BYTES))
+    survey = SURVEY_BYTES if capacity == CAPACITIES[-1] else 0
+    return min(BLOCKS, launches.SHARED_MEMORY // (listed + rays + survey + REST_BYTES))

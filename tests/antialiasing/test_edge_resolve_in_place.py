@@ -29,10 +29,19 @@ BESIDE = """<geom type="plane" size="0 0 1" pos="0 0 -0.3" material="mirror"/>
   <geom size="0.3" pos="0.2 0 0.2" rgba="0.3 0.5 1 0.4"/>"""
 
 
-@pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba", "depth"), ("rgba", "hdr")], ids="+".join)
-@pytest.mark.parametrize("size", [64, 42])
-# The second has more shapes than a block lists before it knows the edges, the third more edges than it lists at once.
-@pytest.mark.parametrize("across", [4, 10, 19])
+# Of numbers of shapes the second is more than a block lists before it knows the edges, the third has more edges than it
+# lists at once. Each comes with all outputs and both sizes.
+OUTPUTS = (("rgb",), ("rgb", "rgba", "depth"), ("rgba", "hdr"))
+
+
+@pytest.mark.parametrize(
+    ("across", "size", "outputs"),
+    [
+        (across, (42, 64)[(i + j) % 2], outputs)
+        for i, across in enumerate((4, 10, 19))
+        for j, outputs in enumerate(OUTPUTS)
+    ],
+)
 def test_images_smoothed_in_place_are_the_same(
     device: wp.Device, across: int, size: int, outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:

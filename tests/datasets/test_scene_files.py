@@ -11,6 +11,7 @@ from dataset_plans import plan_of
 from PIL import Image
 
 import warpcam as wc
+from warpcam.core.file_access import FileAccess
 from warpcam.datasets.generate import generate
 from warpcam.datasets.generate.scene_files import scene_files
 
@@ -101,13 +102,15 @@ def ply(folder: Path) -> tuple[str, set[str]]:
 def test_all_that_a_scene_names(write: Callable[[Path], tuple[str, set[str]]], tmp_path: Path) -> None:
     scene, files = write(tmp_path)
     (tmp_path / "unrelated.obj").write_text(TETRAHEDRON)
-    assert {path.relative_to(tmp_path).as_posix() for path in scene_files(tmp_path / scene)} == files
+    assert {
+        path.relative_to(tmp_path).as_posix() for path in scene_files(tmp_path / scene, FileAccess(tmp_path / scene))
+    } == files
 
 
 @pytest.mark.parametrize("name", ["a.xml", "a.urdf", "a.gltf", "a.glb", "a.usda", "a.dae", "a.obj", "a.ply"])
 def test_a_broken_file_names_nothing(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"\xff\x00<{ broken")
-    assert scene_files(tmp_path / name) == [tmp_path / name]
+    assert scene_files(tmp_path / name, FileAccess(tmp_path / name)) == [tmp_path / name]
 
 
 def test_changed_files_are_named(tmp_path: Path) -> None:

@@ -3,11 +3,11 @@
 Warp's simulators and their renderers are compiled without optimising, in a fifth of the time: they compute little in
 tests. Where there is a GPU they are optimised a little, as Warp warns of CUDA's compiler otherwise.
 
-Our own that call kernels/native are the same code on a CPU, not optimised, in a fifth of the time;
-WARPCAM_TESTS=optimized has them compiled as they are for users. So are those that call none of it: they have few
-variants, and would lose more time in running slowly than in compiling. So all are in tests of single native functions,
-and in programs that a test starts as a user would: Python's own arguments behind this file's name run another one
-quickly, with the kernels of other tests.
+Our own that call kernels/native are the same code on a CPU, not optimised, in a fifth of the time; with
+WARPCAM_TESTS=optimized they are compiled as for users. So are those that call none of it: they have few variants, and
+would lose more time in running slowly than in compiling. So all are in tests of single native functions, and in
+programs that a test starts as a user would: Python's own arguments behind this file's name run another one quickly,
+with the kernels of other tests.
 
 Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's; a program
 that a test starts with another folder for its kernels takes them from the tests' own (WARPCAM_TESTS_HEADERS).

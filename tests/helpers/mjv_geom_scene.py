@@ -11,7 +11,7 @@ GEOM = mujoco.mjtGeom
 XML = """
 <mujoco>
   <visual>
-    <global offwidth="96" offheight="72"/><quality offsamples="0" numslices="100" numstacks="100"/>
+    <global offwidth="96" offheight="72"/><quality offsamples="0" numslices="100" numstacks="100" shadowsize="2048"/>
     <map force=".02"/><scale contactwidth=".4" contactheight=".1" forcewidth=".2" jointlength="1.5" com=".8"/>
   </visual>
   <asset>

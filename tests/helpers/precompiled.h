@@ -24,6 +24,7 @@
 #include "traversal/view_shape_list.h"
 #include "splats/gaussian_blend.h"
 #include "traversal/visibility.h"
+#include "path/path_tracer.h"
 
 // Kernels that call none of these are compiled as Warp compiles others.
 #pragma clang fp contract(off)

@@ -72,7 +72,12 @@ def _chooses(frame: Any) -> bool:
 
 
 def _render(
-    mjm: Any, outputs: tuple[str, ...], size: tuple[int, int] = (64, 64), backs: bool = False, **options: Any
+    mjm: Any,
+    outputs: tuple[str, ...],
+    size: tuple[int, int] = (64, 64),
+    backs: bool = False,
+    look: Any = None,
+    **options: Any,
 ) -> None:
     position = (0.0, -2.0, 0.6)
     camera = scenes.own_camera(
@@ -83,7 +88,7 @@ def _render(
         rotation=scenes.looking(position, (0.0, 0.0, 0.0)),
         **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
     )
-    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs), [camera])
+    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs), [camera], look=look)
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -203,6 +208,18 @@ def test_of_what_is_seen_through(lens: Any, card: list[launch.Stage], folder: Pa
     mirror = '<material name="mirror" reflectance=".5"/>'
     _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS + mirror), ("rgba", "depth"), lens=lens)
     assert _compile(card, folder) >= 3
+
+
+@pytest.mark.parametrize(
+    ("look", "curve"),
+    [("pbr", "reinhard"), ("pbr", "aces"), ("pbr", "khronos_neutral"), ("pbr", "agx"), ("path", "agx")],
+)
+def test_of_tone_mapping(look: str, curve: str, card: list[launch.Stage], folder: Path) -> None:
+    """The kernels that write colours, among them those that lay one surface over another."""
+    mjm = scenes.compile_xml(FEW + '<geom size=".2" rgba="1 1 1 .5"/>' + LIGHTS, assets=ASSETS)
+    _render(mjm, ("rgba", "depth"), look=look, tone_mapping=curve)
+    name = "trace_paths" if look == "path" else "write_images"
+    assert _compile([stage for stage in card if name in stage.module.name], folder) == 1
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])

@@ -59,6 +59,7 @@ def test_lenses_are_alike() -> None:
                 ("shading/appearance.h", "ShadingFlag"),
                 ("shading/appearance.h", "LayerFact"),
                 ("shading/world_overrides.h", "OverrideFact"),
+                ("shading/tone_mapping.h", "ToneFlag"),
             ],
         ),
         (SplatFlag, "SPLAT_", [("splats/gaussian_blend.h", "SplatOutput")]),

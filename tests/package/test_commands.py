@@ -32,6 +32,7 @@ warpcam.train: `tests/train/test_cartpole.py` `test_the_module_is_the_command`
 warpcam.benchmarks: `tests/benchmarks/test_benchmarks.py` `test_empty_caches_are_another_folder`
 warpcam.benchmarks.compare_folders: `tests/benchmarks/test_compare_folders.py`
 warpcam.benchmarks.corpus: `tests/sources/usd/test_usd_broken.py`
+warpcam.benchmarks.conditions: `tests/benchmarks/test_conditions.py`
 warpcam.benchmarks.datasets: `tests/benchmarks/test_dataset_rates.py`
 warpcam.benchmarks.labels: `tests/benchmarks/test_label_costs.py`
 warpcam.benchmarks.ray_casts: `tests/compat/test_mjlab_ray_casts.py`

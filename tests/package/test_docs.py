@@ -260,6 +260,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/mujoco_warp.md": simulated,
     "docs/newton.md": newton,
     "docs/outputs.md": outputs,
+    "docs/path_tracing.md": usd,
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,

@@ -19,7 +19,7 @@ HEADER_FLOORS = (
     ("output",),
     ("flow", "shading"),
     ("traversal", "splats"),
-    ("shadow", "antialiasing", "shading_pass"),
+    ("shadow", "antialiasing", "shading_pass", "path"),
     ("build", "labels", "sensors"),
 )
 # Likewise of modules; a module is in the room with the longest name that its own begins with.

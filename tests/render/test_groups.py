@@ -12,8 +12,8 @@ from small_scene import GLASS, MIRROR, camera, scene_of
 import warpcam as wc
 from warpcam.kernels.plan import launches
 from warpcam.outputs import OUTPUTS
+from warpcam.render import recordings, scratch_memory
 from warpcam.render import renderer as rendering
-from warpcam.render import scratch_memory
 
 # More shapes than one pass of the trace lists.
 CROWD = "".join(f'<geom size=".1" pos="{i % 20 * 0.2 - 1.9} {i // 20 * 0.2 - 1.4} 0"/>' for i in range(280))
@@ -51,7 +51,7 @@ def test_groups_of_worlds_make_the_same_images(
         np.testing.assert_array_equal(tensor[[0, 7]].cpu().numpy(), expected["top"][name][[0, 7]].cpu().numpy())
 
 
-class Interleaved(rendering.FrameGraph):
+class Interleaved(recordings.FrameGraph):
     """Chains that run beside each other, as they may on a GPU: a stage of each in turn, or one chain after another."""
 
     backwards = False
@@ -79,7 +79,7 @@ def test_groups_in_chains_beside_each_other_make_the_same_images(
     whole.render()
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
-    monkeypatch.setattr(rendering, "FrameGraph", Interleaved)
+    monkeypatch.setattr(recordings, "FrameGraph", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 
@@ -130,7 +130,7 @@ def test_groups_that_are_coloured_in_turns_make_the_same_images(
     expected = {key: {n: t.clone() for n, t in images.items()} for key, images in whole.render().items()}
     monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", 24 * 20 * 4 * 3)
     monkeypatch.setattr(wc.Renderer, "_is_large", lambda self, pixels: True)
-    monkeypatch.setattr(rendering, "FrameGraph", Interleaved)
+    monkeypatch.setattr(recordings, "FrameGraph", Interleaved)
     monkeypatch.setattr(Interleaved, "backwards", backwards)
     made: list[Any] = []
 

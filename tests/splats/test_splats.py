@@ -270,6 +270,15 @@ def test_linear_colours_are_shown_encoded(device: wp.Device) -> None:
     assert seen["rgb"][12, 16] == pytest.approx((188, 89, 3), abs=1)
 
 
+def test_tone_mapping_is_refused(device: wp.Device) -> None:
+    """Colours of clouds are those of a display already."""
+    robot = newton.ModelBuilder()
+    robot.add_shape_gaussian(-1, gaussian=gaussians(np.zeros((1, 3)), [RED], opacities=0.6))
+    scene = wc.from_newton(*finalize(robot, device))
+    with pytest.raises(wc.WarpcamError, match="tone_mapping is 'aces', and the scene has clouds of Gaussians"):
+        wc.Renderer(scene, [eye(tone_mapping="aces")])
+
+
 def test_exposure_and_gain_of_each_world(device: wp.Device) -> None:
     """A cloud's colour is light as well: with what is behind exposed likewise, and its opacity as it is."""
     robot = newton.ModelBuilder()

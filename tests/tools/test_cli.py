@@ -47,6 +47,34 @@ def test_the_package_is_the_command() -> None:
     assert done.stdout == f"warpcam {wc.__version__}\n", done.stderr
 
 
+def test_render_traces_paths(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """More samples are less noise: of a floor that is lit evenly."""
+
+    def noise(samples: int) -> float:
+        out = tmp_path / str(samples)
+        how = ("--look", "path", "--samples", str(samples), "--worlds", "1", "--size", "32x24", "--outputs", "rgb")
+        assert render(scene, *how, "--out", out) == 0
+        rows = np.asarray(Image.open(out / "front-rgb.png"))[-4:].astype(float)
+        return float(np.abs(np.diff(rows, axis=1)).mean())
+
+    assert noise(64) < 0.5 * noise(1)
+    assert render(scene, "--samples", "4", "--out", tmp_path) == 2
+    assert "--samples: it is of --look path alone" in capsys.readouterr().err
+    assert render(scene, "--look", "path", "--samples", "0", "--out", tmp_path) == 2
+    assert "samples must be a whole number from 1" in capsys.readouterr().err
+
+
+def test_render_maps_tones(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pictures = []
+    for curve in ("clip", "reinhard"):
+        how = ("--look", "pbr", "--tone-mapping", curve, "--worlds", "1", "--size", "32x24", "--outputs", "rgb")
+        assert render(scene, *how, "--out", tmp_path / curve) == 0
+        pictures.append(np.asarray(Image.open(tmp_path / curve / "front-rgb.png")).astype(int))
+    assert (pictures[1] <= pictures[0]).all() and (pictures[1] < pictures[0]).any()
+    assert render(scene, "--tone-mapping", "reinhard", "--out", tmp_path) == 2
+    assert "tone_mapping is 'reinhard', and the look is 'mujoco'" in capsys.readouterr().err
+
+
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     outputs = ("rgb", "depth", "normals", "points", "segmentation")

@@ -155,10 +155,8 @@ def test_a_process_prints_nothing_but_json() -> None:
     told = json.loads(done.stdout)
     assert (done.returncode, told["ok"]) == (0, True)
     assert {"name": "MUJOCO_EGL_DEVICE_ID", "value": "3", "meaning": doctor._IGNORED} in told["environment"]
-    twice = (
-        "import sys; from warpcam.tools import cli; "
-        "print(cli.main(['doctor'])); sys.exit(cli.main(['doctor', '--json']))"
-    )
+    imports = "import sys\nfrom warpcam.tools.cli import main\n"
+    twice = imports + "print(main(['doctor']))\nsys.exit(main(['doctor', '--json']))"
     nowhere = {**os.environ, "WARP_CACHE_PATH": "/proc/nowhere"}
     broken = subprocess.run([sys.executable, "-c", twice], env=nowhere, capture_output=True, text=True, timeout=300)
     assert broken.returncode == 1 and "Traceback" not in broken.stderr

@@ -8,7 +8,6 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,9 @@ from warpcam.camera.distorted import Distorted
 from warpcam.camera.fisheye import Fisheye
 from warpcam.camera.lens import FormulaLens, Pinhole
 from warpcam.camera.wide_lenses import DoubleSphere, ExtendedUnified, Omnidirectional
-from warpcam.core.errors import WarpcamError
+from warpcam.core import plain_yaml
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import FileAccess, Limits, read_named
 
 # Keys of ROS and OpenCV, and of what is often written with OpenCV.
 MATRIX = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "k")
@@ -48,7 +49,11 @@ class Calibration:
 
 
 def read_calibration(
-    path: str | os.PathLike[str], camera: str | int | None = None, *, fisheye: bool | None = None
+    path: str | os.PathLike[str],
+    camera: str | int | None = None,
+    *,
+    fisheye: bool | None = None,
+    limits: Limits | None = None,
 ) -> Calibration:
     """Read the size and the lens of one camera from a calibration file.
 
@@ -67,6 +72,7 @@ def read_calibration(
         camera: Name of a camera ("cam1"), or its index, in a file that has several.
         fisheye: True if the four coefficients of an OpenCV file are those of ``cv2.fisheye``. None: as the file's
             ``fisheye_model`` says, else not. Other files name their model.
+        limits: Of the file's size, and of the entries that its aliases stand for; None is ``warpcam.Limits()``.
 
     Raises:
         WarpcamError: The file cannot be read, PyYAML is not installed, a key is missing or has another value than is
@@ -80,7 +86,7 @@ def read_calibration(
         raise WarpcamError(f"{where}: camera must be a name, an index or None, got {camera!r}")
     if not isinstance(fisheye, bool | None):
         raise WarpcamError(f"{where}: fisheye must be True, False or None, got {fisheye!r}")
-    fields = Fields(_parsed(path, where), where)
+    fields = Fields(_parsed(path, where, limits), where)
     chain = fields.parts(lambda part: "camera_model" in part)
     if chain or fields.find(("camera_model",)):
         if fisheye is not None:
@@ -93,7 +99,7 @@ def read_calibration(
     return _of_matrix(fields, camera, fisheye)
 
 
-def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
+def _parsed(path: str | os.PathLike[str], where: str, limits: Limits | None) -> Mapping[Any, Any]:
     try:
         import yaml
     except ModuleNotFoundError as error:
@@ -119,14 +125,19 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
     loader: Any = type("Loader", (yaml.SafeLoader,), {"construct_mapping": construct_mapping})
     loader.add_multi_constructor("tag:yaml.org,2002:opencv-", construct_opencv)
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = read_named(path, limits, "read_calibration").decode("utf-8-sig")
+    except WarpcamError:
+        raise
     except (OSError, ValueError) as error:
         raise WarpcamError(f"{where} cannot be read: {error}") from error
     if text.lstrip().startswith("<"):
         raise WarpcamError(f"{where} is XML; allowed are YAML and JSON, which OpenCV writes by the file's suffix")
     text = re.sub(r"^%YAML:.*$", "", text, count=1, flags=re.MULTILINE)  # OpenCV's own header, no directive of YAML
     try:
-        documents = _in_braces(text, loader) if text.lstrip().startswith("{") else _documents(text, loader)
+        read = _in_braces if text.lstrip().startswith("{") else _documents
+        documents = read(text, loader, limits, where)
+    except RefusedError:
+        raise
     except (ValueError, RecursionError) as error:
         raise WarpcamError(f"{where} is neither YAML nor JSON: {str(error) or type(error).__name__}") from error
     if not documents or not isinstance(documents[0], Mapping):
@@ -136,22 +147,25 @@ def _parsed(path: str | os.PathLike[str], where: str) -> Mapping[Any, Any]:
     return documents[0]
 
 
-def _in_braces(text: str, loader: Any) -> list[Any]:
+def _in_braces(text: str, loader: Any, limits: Limits | None, where: str) -> list[Any]:
     """Read JSON, or else YAML, which also knows numbers like "1." and texts without quotes."""
     try:
         return [json.loads(text)]
     except ValueError as error:
         try:
-            return _documents(text, loader)
+            return _documents(text, loader, limits, where)
+        except RefusedError:
+            raise
         except ValueError:
             raise error from None
 
 
-def _documents(text: str, loader: Any) -> list[Any]:
+def _documents(text: str, loader: Any, limits: Limits | None, where: str) -> list[Any]:
     """Documents of YAML that are not empty."""
     import yaml
 
     try:
+        plain_yaml.check(text, FileAccess(None, trusted=True, limits=limits), where)
         return [each for each in yaml.load_all(text, Loader=loader) if each is not None]
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from error

@@ -15,6 +15,7 @@ from warpcam.kernels.passes.antialiasing import SAMPLES
 from warpcam.kernels.plan.request import SUPERSAMPLING
 
 DepthClipping = Literal["none", "max", "zero"]
+ToneMapping = Literal["clip", "reinhard", "aces", "khronos_neutral", "agx"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,9 @@ class Camera:
         exposure: All light is multiplied by 2 to this in ``rgb``, ``rgba`` and ``hdr``: a number or (world,), at
             most 127.
         gain: All light is multiplied by this, too: a number, (3,) for red, green and blue, or (world, 3).
+        tone_mapping: Curve from light to ``rgb`` and ``rgba`` in the looks "pbr" and "path", before sRGB: "clip" cuts
+            light off at white; "reinhard", "aces", "khronos_neutral" and "agx" show brighter light as less than white.
+            MuJoCo's look and scenes with clouds of Gaussians have "clip" alone.
         exclude_bodies: Bodies whose shapes the camera does not see, as its own housing: a name or an index, or several.
             Their shapes cast shadows nevertheless.
     """
@@ -69,6 +73,7 @@ class Camera:
     background: Any = None
     exposure: Any = None
     gain: Any = None
+    tone_mapping: ToneMapping = "clip"
     exclude_bodies: Any = ()
 
     def __post_init__(self) -> None:
@@ -94,9 +99,10 @@ class Camera:
                 f"{self.where}: outputs has {flows[0]!r}, which no lens that is a table of rays has "
                 f"({type(self.lens).__name__}); Pinhole and Orthographic have it"
             )
-        if self.depth_clipping not in get_args(DepthClipping):
-            allowed = ", ".join(repr(name) for name in get_args(DepthClipping))
-            raise WarpcamError(f"{self.where}: depth_clipping is {self.depth_clipping!r}; allowed are {allowed}")
+        for name, choices in (("depth_clipping", get_args(DepthClipping)), ("tone_mapping", get_args(ToneMapping))):
+            if (value := getattr(self, name)) not in choices:
+                allowed = ", ".join(map(repr, choices))
+                raise WarpcamError(f"{self.where}: {name} is {value!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
         object.__setattr__(self, "antialiasing", self._samples())

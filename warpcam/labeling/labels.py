@@ -9,6 +9,7 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.plan import launches
 from warpcam.kernels.runtime.compile import building
@@ -149,6 +150,7 @@ class Labels:
 
 
 @preserve_cuda_context()
+@memory_told("labels")
 def labels(
     renderer: Renderer,
     cameras: Sequence[str | int] | None = None,

@@ -12,6 +12,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.passes.paths import bind_more
 from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
@@ -19,6 +20,7 @@ from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.render.flow_history import CameraHistory, needs_history
+from warpcam.render.paths import PathOptions, make_paths
 
 MAX_PIXELS = 2**31
 
@@ -38,8 +40,8 @@ def parts_of(camera: Camera) -> tuple[int, int]:
     return request_of(camera, "pinhole").parts
 
 
-def request_of(camera: Camera, projection: Projection) -> ImageRequest:
-    """The images that a camera asks for."""
+def request_of(camera: Camera, projection: Projection, paths: bool = False) -> ImageRequest:
+    """The images that a camera asks for; ``paths``: lit ones are traced by paths of light."""
     return ImageRequest(
         camera.width,
         camera.height,
@@ -47,6 +49,8 @@ def request_of(camera: Camera, projection: Projection) -> ImageRequest:
         tuple(camera.outputs),
         shadows=camera.shadows,
         antialiasing=camera.antialiasing,
+        tone_mapping=camera.tone_mapping,
+        paths=paths,
     )
 
 
@@ -57,10 +61,12 @@ class Stages:
     Attributes:
         visibility: Up to those that find what is seen and what lies in shadows.
         shading: The rest; nothing else writes ``FramePlan.late``.
+        adding: Those that add paths to the last frame, where lit images are traced by paths of light.
     """
 
     visibility: list[Stage]
     shading: list[Stage]
+    adding: list[Stage]
 
 
 class ViewArrays:
@@ -88,6 +94,13 @@ class ViewArrays:
 class CameraPasses:
     """Arrays of one camera, as far as its outputs need them.
 
+    Args:
+        camera: What it is asked for.
+        projection: Of its rays.
+        tables: The scene.
+        device: Where the arrays lie.
+        paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
+
     Attributes:
         plan: Of all worlds drawn together.
         seen: Views of the camera.
@@ -96,10 +109,17 @@ class CameraPasses:
         history: What is kept of the last frame; None where no output needs it.
     """
 
-    def __init__(self, camera: Camera, projection: Projection, tables: SceneTables, device: wp.Device):
+    def __init__(
+        self,
+        camera: Camera,
+        projection: Projection,
+        tables: SceneTables,
+        device: wp.Device,
+        paths: tuple[PathOptions, wp.array] | None = None,
+    ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
-        self._request, self._device = request_of(camera, projection), device
+        self._request, self._device = request_of(camera, projection, paths is not None), device
         self.plan = plan_frame(tables, self._request, device)
         plan, parts = self.plan, self._request.parts
         self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
@@ -108,6 +128,9 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
+        self._paths = None
+        if plan.paths and paths is not None:
+            self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
         listed = plan.lists is not None
         self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
 
@@ -151,12 +174,14 @@ class CameraPasses:
             group=group,
             device=self._device,
             parts=request.parts,
+            paths=self._paths,
         )
         visibility, shading = _bound(plan, frame)
         if plan.fine is not None and self.finer is not None:
             first, second = _bound(plan.fine, self._finer_frame(frame, self.finer, finer, parts))
             visibility, shading = [*visibility, *first], [*second, *shading]  # means come last
-        return plan, Stages(visibility, shading)
+        adding = bind_more(plan.shading, frame) if plan.paths else []
+        return plan, Stages(visibility, shading, adding)
 
     def _finer_frame(
         self, frame: CameraFrame, finer: ViewArrays, images: Mapping[str, wp.array], buffers: Mapping[str, wp.array]

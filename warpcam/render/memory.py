@@ -8,13 +8,15 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.core.device import free_bytes
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.plan.frame import plan_frame
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
 from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
+from warpcam.render.looks import Look, LookName
+from warpcam.render.paths import path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.scene import Scene
 
@@ -26,8 +28,8 @@ class Memory:
     Attributes:
         images: Of each image, by camera and output.
         scratch: What the cameras use between the stages of a frame, one after the other.
-        worlds: Each camera's poses, lenses, views and lists of shapes, which worlds are drawn or faulty, and their
-            frames and times.
+        worlds: Each camera's poses, lenses, views, lists of shapes and sums of paths, which worlds are drawn or
+            faulty, and their frames and times.
         past: What is kept of the last frame for ``flow`` and ``flow_valid``.
     """
 
@@ -53,8 +55,8 @@ class Memory:
         return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
 
 
-def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
-    """Estimate the memory that ``Renderer(scene, cameras)`` would allocate on the scene's device [bytes].
+def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName | None = None) -> Memory:
+    """Estimate the memory that ``Renderer(scene, cameras, look=look)`` would allocate on the scene's device [bytes].
 
     Allocates nothing.
 
@@ -63,17 +65,20 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
     Args:
         scene: What to look at.
         cameras: Each under its own name.
+        look: As the renderer takes it.
 
     Raises:
         WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
             little free: that is the renderer's to say.
     """
     by_key = check_cameras(scene, cameras)
-    tables, view = scene.tables(), wp.types.type_size_in_bytes(View)
+    own = Look(look, None, scene)
+    own.check_tone_mapping(by_key.values())
+    paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
     plans = {
-        key: plan_frame(tables, request_of(camera, projection_of(camera, scene)), scene.device)
+        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths), scene.device)
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
@@ -86,7 +91,9 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera]) -> Memory:
         images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
-        + sum(shared_bytes(one, scene) for one in by_key.values()),
+        + sum(shared_bytes(one, scene) for one in by_key.values())
+        + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
+        + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )
 
@@ -114,7 +121,7 @@ def require_free(memory: Memory, device: wp.Device) -> None:
     """Raise if the device has less than that."""
     free = free_bytes(device)
     if free is not None and memory.total > free:
-        raise WarpcamError(
+        raise OutOfMemoryError(
             f"Renderer: {memory.total:,} bytes are needed, {free:,} are free on {device.alias}; ask for fewer worlds, "
             f"pixels or outputs:\n{memory}"
         )

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,20 +11,24 @@ from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Lens
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.views import FrameCounters, make_frame_start
 from warpcam.kernels.plan.frame import FramePlan, merged
 from warpcam.kernels.runtime.compile import building
-from warpcam.kernels.runtime.launch import FrameGraph, Group, Stage, prepare
-from warpcam.kernels.runtime.streams import nonblocking_stream, preserve_cuda_context, recording_lock
+from warpcam.kernels.runtime.launch import Group, Stage, prepare
+from warpcam.kernels.runtime.streams import preserve_cuda_context, recording_lock
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import HEIGHT_FIELD, MESH
 from warpcam.render.camera_binding import CameraArrays, CameraBinding
 from warpcam.render.camera_passes import CameraPasses, Stages
 from warpcam.render.faults import tell_faults
 from warpcam.render.flow_history import ShapeHistory
+from warpcam.render.looks import Look, LookName
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
+from warpcam.render.paths import PathOptions
+from warpcam.render.recordings import Recording, Recordings
 from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
 from warpcam.scene.scene import Scene
 
@@ -35,17 +38,8 @@ SPLIT_ABOVE_PIXELS = 2**22
 CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
 TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
-MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
 
 Images = dict[str | int, dict[str, torch_interop.Tensor]]
-
-
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """Frames and their graphs, each of all worlds (True) or of those that were chosen."""
-
-    frames: dict[bool, FrameGraph]
-    graphs: dict[bool, wp.Graph]
 
 
 class Renderer:
@@ -57,38 +51,51 @@ class Renderer:
         scene: What to look at.
         cameras: Each under its own name.
         graph: Replay each frame as a CUDA graph; False launches kernel by kernel. Images are the same.
+        look: How ``rgb``, ``rgba`` and ``hdr`` are lit: "mujoco" as in MuJoCo's renderer; "pbr", physically based in
+            real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
+        path: How paths are traced; only with look="path".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
             scene's device. The same tensors in every frame; they stay valid when the renderer is gone.
         faulty: uint8 tensor, (world,): 1 where, in the last frame that drew the world, a pose, size or lens was not
             finite or made no image. A world with a shape that is not finite shows the background, and so does a camera
-            that is not or whose rotation is 0; a shape whose rotation or size is 0 is missing from its world. No other
-            world is touched. The first frame's are told in a warning.
+            that is not or whose rotation is 0; a shape whose rotation or size is 0 is missing. The first are told.
         frames: int32 tensor, (world,): how many frames have drawn the world. Counted on the device, so in graphs, too.
         times: float32 tensor, (world,): the simulation's time [s] in the last of them; NaN where it keeps none.
         memory: What was allocated for it all; ``estimate_memory`` tells before.
         lock: Held while a frame is queued, drawn on a CPU; a thread holds it on to use images before others draw again.
 
     Raises:
-        WarpcamError: A camera does not fit the scene, or more memory is needed than the device has free.
+        WarpcamError: A camera does not fit the scene; ``OutOfMemoryError`` if the device has too little memory free.
     """
 
     @preserve_cuda_context()
-    def __init__(self, scene: Scene, cameras: Sequence[Camera], *, graph: bool = True):
+    @memory_told("Renderer")
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Sequence[Camera],
+        *,
+        graph: bool = True,
+        look: LookName | None = None,
+        path: PathOptions | None = None,
+    ):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
         if not isinstance(graph, bool | np.bool_):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
-        self.memory = estimate_memory(scene, cameras)
+        self._look = Look(look, path, scene)
+        self.memory = estimate_memory(scene, cameras, look=look)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
-        tables = scene.tables()
+        tables = self._look.tables(scene.tables())
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
+        paths = self._look.paths(scene.device)
         self._passes = {
-            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device)
+            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device, paths)
             for key, camera in self._cameras.items()
         }
         self._selection = Selection(scene.num_worlds, scene.device)
@@ -111,9 +118,9 @@ class Renderer:
         }
         self._tables: SceneTables | None = None
         self._is_checked = False  # the first frame's faults have been told
-        self._recordings: dict[tuple[Stage, ...], Recording] = {}  # by the scene's stages, the last used at the end
+        self._has_drawn = False
         with building:
-            self._bind(tables)
+            self._bind(scene.tables())
 
     def render(self, worlds: Any = None, forward: bool = False) -> Images:
         """Render the state as it is now.
@@ -138,7 +145,7 @@ class Renderer:
         """Render for a sensor, whose ``call`` begins the texts of errors."""
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
-        with self.lock, torch_interop.in_order(self._device) as capturing:
+        with self.lock, memory_told(call), torch_interop.in_order(self._device) as capturing:
             if capturing and not self._scene.live_on_device:
                 raise WarpcamError(
                     f"{call}: a capture is under way, but this scene's poses come from the host and would not be "
@@ -153,10 +160,29 @@ class Renderer:
             if tables is not self._tables or self._scene.clock() is not self._clock:
                 with building:
                     self._bind(tables)
-            self._run(worlds is None, capturing)
+            self._recording().run(worlds is None, self._graph and not capturing, self._device)
             if not (self._is_checked or capturing):
                 self._is_checked = True
                 tell_faults(self._faults)
+        self._has_drawn = True
+        return self.images
+
+    def accumulate(self, samples: int) -> Images:
+        """Add paths to each pixel of the last frame, in the worlds that it drew, and show the mean of all.
+
+        The scene must be as it was then: its shapes, lights and materials are read anew.
+
+        Args:
+            samples: Paths of each pixel that are added, at least 1.
+
+        Returns:
+            ``images``.
+        """
+        count = self._look.check_more(samples, self._has_drawn)
+        with self.lock, torch_interop.in_order(self._device):
+            self._look.more.fill_(count)
+            for stage in self._adding:
+                stage.launch()
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
@@ -237,8 +263,9 @@ class Renderer:
             raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
         return camera
 
-    def _bind(self, tables: SceneTables) -> None:
+    def _bind(self, scene_tables: SceneTables) -> None:
         """Bind every stage to the tables' arrays; loads and compiles whatever kernels that takes."""
+        tables = self._look.tables(scene_tables)
         mask, faults, scratch = self._selection.mask, self._faults, self._scratch
         self._plans: dict[str | int, list[FramePlan]] = {key: [] for key in self._cameras}
         known = None
@@ -257,6 +284,7 @@ class Renderer:
         clock = self._clock = self._scene.clock()
         frames: dict[bool, list[list[list[Stage]]]] = {}
         for everything in (True, False):
+            self._adding: list[Stage] = []
             frame_start = make_frame_start(everything, clock, self._counters, self._device, known)
             frames[everything] = [[[*self._head(everything), *record_views(frame_start)]]]
             frames[everything] += self._bind_motion(tables)
@@ -273,12 +301,13 @@ class Renderer:
                 for phase in phases:
                     frames[everything] += self._bind_phase(tables, phase, busiest)
             frames[everything] += [*self._bind_history(tables), *self._tail()]
-        self._phases, self._recordings = frames, {}
+        self._recordings = Recordings(frames, self._shades, self._device)
         if self._shape_history is not None:
             self._forget = self._shape_history.bind_reset(mask)
             self._forget.prepare()
-        prepare([stage for frame in self._recording().frames.values() for stage in frame.stages])
-        self._tables = tables
+        recorded = (stage for frame in self._recording().frames.values() for stage in frame.stages)
+        prepare([*recorded, *self._adding])
+        self._tables = scene_tables
 
     def _head(self, everything: bool) -> Sequence[Stage]:
         """Stages of a subclass before a frame's views; until then the mask says nothing of ``everything``."""
@@ -305,24 +334,6 @@ class Renderer:
         if self._shape_history is None:
             return []
         return [[stages]] if (stages := self._shape_history.bind_after(tables, self._selection.mask)) else []
-
-    def _recording(self) -> Recording:
-        """The frames for what the scene is bound to now."""
-        stages = self._scene.stages()
-        recording = self._recordings.pop(stages, None)
-        if recording is None:
-            if len(self._recordings) >= MAX_RECORDINGS:
-                self._recordings.pop(next(iter(self._recordings)))
-            needed = [stage for stage in stages if self._shades or not stage.for_shading_only]
-            aside = [stage for stage in needed if stage.independent]
-            rest = [stage for stage in needed if not stage.independent]
-            frames = {}
-            for everything, ((views,), *phases) in self._phases.items():
-                head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
-                frames[everything] = FrameGraph([*head, *phases], self._device)
-            recording = Recording(frames, {})
-        self._recordings[stages] = recording
-        return recording
 
     def _is_large(self, pixels: int) -> bool:
         """Return whether so many pixels at once are worth more than one launch of a stage."""
@@ -381,20 +392,9 @@ class Renderer:
             group = Group(range(first, end), busiest // area)
             plan, stages = passes.bind(seen, group, batch.buffers, mask, self._faults)
             self._plans[key].append(plan)
+            self._adding += stages.adding
             yield stages
 
-    def _run(self, everything: bool, capturing: bool) -> None:
-        recording = self._recording()
-        frame, graphs = recording.frames[everything], recording.graphs
-        if not self._graph or capturing:
-            frame.launch()
-            return
-        if everything in graphs:
-            wp.capture_launch(graphs[everything], stream=self._device.stream)
-            return
-        frame.launch()  # the first time by itself: the driver may still have to load the kernels
-        # On a stream that nobody else knows: what other threads launch meanwhile is none of this graph.
-        stream = nonblocking_stream(self._device)
-        with wp.ScopedCapture(stream=stream) as capture:
-            frame.launch(stream)
-        graphs[everything] = capture.graph
+    def _recording(self) -> Recording:
+        """The frames for what the scene is bound to now."""
+        return self._recordings.after(self._scene.stages())

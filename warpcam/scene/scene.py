@@ -341,7 +341,7 @@ class Scene:
             horizon=parts.horizon,
             planes=tuple(int(shape) for shape in parts.drawn if parts.shape_types[shape] == PLANE),
             physical=physical,
-            has_maps=parts.maps,
+            has_maps=parts.physical and parts.maps,
             backs_shade=parts.backs_shade,
             moving=self._moving,
             layers=self._layers,

@@ -74,6 +74,10 @@ class SceneDescription:
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
         backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
         maps: In such a scene, whether some material has more than the texture of its colour.
+        transmissive: In such a scene, names of the materials that let light through as glass does; only paths of light
+            draw that.
+        as_physical: Gives for a device the arrays of ``kernels.types.Physical`` but its lights, by name, with which a
+            scene that is not physical may be lit so; None where there are none. ``maps`` counts then, too.
         layers: What needs more than one layer: mirrors, transparent shapes, haze.
         objects: (id + 1, 2) int32, what the source calls each id of ``segmentation``; the last row is for -1. None: the
             ids say all.
@@ -109,6 +113,8 @@ class SceneDescription:
     physical: bool = False
     backs_shade: bool = False
     maps: bool = False
+    transmissive: Sequence[str] = ()
+    as_physical: Callable[[wp.Device], Mapping[str, wp.array]] | None = None
     layers: Layers = field(default_factory=Layers)
     objects: np.ndarray | None = None
     casting: Sequence[int] | None = None
@@ -189,6 +195,7 @@ PBR_LIVE_ARRAYS: Mapping[str, LiveArray] = {
     "material_metallic": LiveArray(wp.float32, "materials"),
     "material_reflectance": LiveArray(wp.float32, "materials"),
     "material_emissive": LiveArray(wp.vec3, "materials"),
+    "material_transmission": LiveArray(wp.float32, "materials"),
     "light_forms": LiveArray(wp.int32, "lights"),
     "light_sizes": LiveArray(wp.vec3, "lights"),
     "light_rotations": LiveArray(wp.mat33, "lights", every_world=True),

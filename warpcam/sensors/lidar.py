@@ -12,6 +12,8 @@ from warpcam.camera.camera import Camera, bodies_of
 from warpcam.core import torch_interop
 from warpcam.core.arrays import per_world
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
+from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, bind_launch
@@ -23,7 +25,6 @@ from warpcam.sensors.lidar_noise import LidarDropout, LidarNoise
 from warpcam.sensors.patterns.pattern import Pattern, parts_of
 from warpcam.sensors.scan_lens import ScanLens, parallel_lens, spread_rays
 from warpcam.sensors.scan_renderer import CAMERA, ScanRenderer, ScanSetup, reach_of
-from warpcam.sensors.seeds import seeds_of
 
 Alignment = Literal["base", "yaw", "world"]
 Intensity = Literal["reflectivity", "raw"]
@@ -112,9 +113,10 @@ class Lidar:
         memory: What was allocated for it all, images of the rays and returns; its poses and parameters aside.
 
     Raises:
-        WarpcamError: An argument does not fit, or more memory is needed than the device has free.
+        WarpcamError: An argument does not fit; ``OutOfMemoryError`` if the device has too little memory free.
     """
 
+    @memory_told("Lidar")
     def __init__(
         self,
         scene: Scene,

@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 import warp as wp
 
+from warpcam.camera.camera import Camera
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
@@ -198,6 +199,11 @@ class Measurement:
                 raise WarpcamError(f"{self._where}: {name} needs a camera with a pinhole lens (warpcam.Pinhole)")
             if effect.kind == "depth":
                 continue
+            if (curve := self._drawn_camera().tone_mapping) != "clip":
+                raise WarpcamError(
+                    f"{self._where}: {name} makes colours of light by sRGB alone, for which the camera's tone_mapping "
+                    f"must be 'clip', got {curve!r}"
+                )
             if GRADES[effect.kind] < grade:
                 raise WarpcamError(
                     f"{self._where}: {name} changes linear light and must come before {before}, which gives or changes "
@@ -205,6 +211,9 @@ class Measurement:
                 )
             if GRADES[effect.kind] > grade or effect.encodes:
                 grade, before = 1, name
+
+    def _drawn_camera(self) -> Camera:
+        return drawn_cameras(self._renderer, "Rig")[1][self._camera].camera
 
     def _is_pinhole(self) -> bool:
         lenses = {key.lens for key in self._renderer.plan[self._camera].keys}
@@ -228,7 +237,7 @@ class Measurement:
     def _make_unclipped(self) -> wp.array | None:
         """The true depth for effects, where the camera's own is a number where nothing is hit, and one asks for it."""
         asks = any(effect.kind == "depth" or "depth" in effect.reads for effect in self._effects)
-        clips = drawn_cameras(self._renderer, "Rig")[1][self._camera].camera.depth_clipping != "none"
+        clips = self._drawn_camera().depth_clipping != "none"
         return wp.zeros_like(self._truth["depth"]) if asks and clips else None
 
     def _color_steps(self) -> list[Step]:

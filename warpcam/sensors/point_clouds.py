@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, prepare
 from warpcam.kernels.runtime.streams import preserve_cuda_context, recording_lock
@@ -70,6 +71,7 @@ class PointClouds:
     """
 
     @preserve_cuda_context()
+    @memory_told("PointClouds")
     def __init__(
         self,
         renderer: Any,

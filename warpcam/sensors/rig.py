@@ -9,6 +9,8 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
+from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, bind_launch, prepare
@@ -18,7 +20,6 @@ from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import ANY_WORLD, Randomness
 from warpcam.sensors.measurement import Measurement
-from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.timing.clock import Clock
 from warpcam.sensors.timing.delivery import Deliveries
 
@@ -55,6 +56,7 @@ class Rig:
         WarpcamError: An effect does not fit the camera, or a parameter is not allowed.
     """
 
+    @memory_told("Rig")
     def __init__(
         self, renderer: Renderer, sensors: Mapping[str | int, Sequence[Effect]], *, seed: Any = 0, by_world: bool = True
     ):

@@ -1,12 +1,14 @@
 """Reader of a file, chosen by the file's extension."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, Limits
+from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.scene import Scene
 from warpcam.scene.validation import check_num_worlds, check_unit
@@ -25,6 +27,9 @@ def load(
     textures: Mapping[str, Any],
     transparency: bool | None = None,
     packages: Mapping[str, Any] | None = None,
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
     add: Callable[[SceneGraph], None] | None = None,
 ) -> Scene:
     """See ``warpcam.load``; ``add`` adds to what a file of meshes has before a scene is made of it."""
@@ -44,29 +49,27 @@ def load(
     if packages and kind != ".urdf":
         raise WarpcamError(f"load: packages is for .urdf files, not for {kind} files")
     folders = check_packages(packages, "load")
+    access = FileAccess(file, trusted, search_paths, limits)
     if kind in USD:
-        stage: Scene = import_source("usd.source", "usd").load(
+        return load_stage(
             file,
             num_worlds,
             device=device,
+            textures=textures,
+            access=access,
             meters_per_unit=meters_per_unit,
             up_axis=up_axis,
-            textures=textures,
             transparency=transparency,
-            time=None,
-            purposes=("default", "render"),
-            double_sided=None,
-            semantics=None,
-            exposure=None,
         )
-        return stage
     if kind in MUJOCO:
         for name, value in (("meters_per_unit", meters_per_unit), ("textures", textures)):
             if value:
                 raise WarpcamError(f"load: {name} is not for {kind} files")
         from warpcam.sources.mujoco import batch_file
 
-        put = batch_file.load(file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders)
+        put = batch_file.load(
+            file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders, access=access
+        )
         worlds: Scene = import_source("mujoco.device").load(
             put.host, put.model, put.data, (0, 1, 2), transparency=transparency
         )
@@ -85,6 +88,37 @@ def load(
         up_axis=up_axis,
         textures=textures,
         transparency=transparency,
+        access=access,
         add=add,
+    )
+    return scene
+
+
+def load_stage(
+    path_or_stage: Any,
+    num_worlds: int,
+    *,
+    device: Any,
+    textures: Mapping[str, Any],
+    access: FileAccess,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
+    transparency: bool | None = None,
+) -> DrivenScene:
+    """A stage that may open what ``access`` says; arguments as ``warpcam.from_usd`` has them."""
+    scene: DrivenScene = import_source("usd.source", "usd").load(
+        path_or_stage,
+        num_worlds,
+        device=device,
+        meters_per_unit=meters_per_unit,
+        up_axis=up_axis,
+        textures=textures,
+        transparency=transparency,
+        time=None,
+        purposes=("default", "render"),
+        double_sided=None,
+        semantics=None,
+        exposure=None,
+        access=access,
     )
     return scene

@@ -18,6 +18,7 @@ from warpcam.datasets.generate.run import Part
 from warpcam.datasets.writers import WRITERS
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
+from warpcam.tools import scene_access
 from warpcam.tools.image_size import image_size
 
 ABOUT = "make labelled images in bulk: randomised worlds of a scene in a file format of computer vision"
@@ -37,6 +38,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "scene", nargs="?", type=Path, metavar="SCENE", help=f"a file: {kinds} (default: a demo scene)"
     )
+    scene_access.add(command)
     command.add_argument("--writer", required=True, metavar="FORMAT", help=f"one of {', '.join(WRITERS)}")
     command.add_argument("--count", required=True, type=int, metavar="N", help="samples; each is seen by all cameras")
     command.add_argument(
@@ -108,6 +110,8 @@ def run(options: argparse.Namespace) -> int:
         antialiasing=options.antialiasing,
         validation=options.validation,
         options=tuple(map(_option, options.option)),
+        trusted=options.trusted,
+        search_paths=tuple(map(str, options.search_path)),
     )
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), _Rate(), TimeRemainingColumn())

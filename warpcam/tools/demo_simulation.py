@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.mujoco import batch_file
 
 
@@ -14,17 +15,18 @@ class Simulation:
         states: A ``mujoco.MjData`` for each world.
     """
 
-    def __init__(self, path: Path, num_worlds: int, seed: int):
+    def __init__(self, path: Path, num_worlds: int, seed: int, access: FileAccess | None = None):
         """Read the file.
 
         Args:
             path: An .xml, .mjb or .urdf file.
             num_worlds: How many worlds.
             seed: Of the random joint positions.
+            access: What the file may open; None is as ``warpcam.load`` has it.
         """
         import mujoco
 
-        self.host, first = batch_file.read(path)
+        self.host, first = batch_file.read(path, access=access)
         self.states = [first, *(mujoco.MjData(self.host) for _ in range(num_worlds - 1))]
         self._starts = batch_file.joint_positions(self.host, first.qpos, num_worlds=num_worlds, seed=seed)
         self._left = 0.0  # of the time to be simulated, less than a step [s]

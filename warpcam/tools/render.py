@@ -6,7 +6,7 @@ import re
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import warp as wp
@@ -16,11 +16,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 import warpcam
 from warpcam import visualize
+from warpcam.camera.camera import ToneMapping
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
+from warpcam.render.looks import LookName
+from warpcam.render.paths import PathOptions
 from warpcam.sources.common import formats
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import scene_options
+from warpcam.tools import denoised, scene_access, scene_options
 
 ABOUT = "render a scene in many worlds and save pictures"
 FREE_CAMERA = "free"
@@ -56,6 +60,26 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"measure depth as this camera does: {', '.join(SENSORS)} (default: the truth)",
     )
+    command.add_argument(
+        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
+    )
+    command.add_argument(
+        "--samples",
+        type=int,
+        metavar="N",
+        help=f"paths of each pixel with --look path (default: {PathOptions.samples})",
+    )
+    command.add_argument(
+        "--tone-mapping",
+        choices=get_args(ToneMapping),
+        default="clip",
+        metavar="NAME",
+        help=f"curve from light to colours of --look pbr and path: {', '.join(get_args(ToneMapping))} "
+        "(default: %(default)s)",
+    )
+    command.add_argument(
+        "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
+    )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
 
 
@@ -67,24 +91,39 @@ def run(options: argparse.Namespace) -> int:
         raise WarpcamError(
             f"--sensor: {options.sensor} measures depth, which --outputs must have, got {options.outputs}"
         )
+    if options.samples is not None and options.look != "path":
+        raise WarpcamError("--samples: it is of --look path alone")
+    if options.denoise:
+        denoised.check(options.look, outputs, options.tone_mapping)
+    paths = None if options.samples is None else PathOptions(samples=options.samples)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         steps = progress.add_task("reading the scene", total=4)
         path, host, still = options.scene or batch_file.DEMO, None, None
         if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-            scene = warpcam.load(path, options.worlds, device=device)
+            scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
             progress.update(steps, description="building and compiling", advance=1)
         else:
-            host, scene, still = _still_worlds(path, options.worlds, options.seed, device)
+            host, scene, still = _still_worlds(path, options, device)
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
+        if options.denoise:
+            drawn = tuple(dict.fromkeys((*drawn, *denoised.NEEDED)))
         cameras = [
-            warpcam.Camera(name, width=width, height=height, outputs=drawn, shadows=True, **pose)
+            warpcam.Camera(
+                name,
+                width=width,
+                height=height,
+                outputs=drawn,
+                shadows=True,
+                tone_mapping=options.tone_mapping,
+                **pose,
+            )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        renderer = warpcam.Renderer(scene, cameras)
+        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
         look = renderer.render if model is None else _rig(renderer, cameras, model, options.seed).read
         progress.update(steps, description="first frame", advance=1)
         images = look()
@@ -94,8 +133,9 @@ def run(options: argparse.Namespace) -> int:
         progress.update(steps, description="saving", advance=1, total=4 + len(cameras) * len(outputs))
         saved = []  # before frames are counted, which a sensor's numbers depend on
         for name, by_output in zip(_file_names(images), images.values(), strict=True):
+            shown = denoised.denoised(by_output) if options.denoise else by_output
             for output in outputs:
-                saved.append(_save(options.out, name, output, by_output[output].cpu().numpy()))
+                saved.append(_save(options.out, name, output, shown[output].cpu().numpy()))
                 progress.advance(steps)
         progress.update(steps, description="rendering")
         rate = _frames_per_second(look, len(cameras) * options.worlds, device)
@@ -116,11 +156,12 @@ def _check_folder(folder: Path) -> None:
         raise WarpcamError(f"--out: {str(folder)!r} cannot be written, as {str(there)!r} cannot; give another folder")
 
 
-def _still_worlds(path: Path, num_worlds: int, seed: int, device: wp.Device) -> tuple[Any, Any, Any]:
+def _still_worlds(path: Path, options: argparse.Namespace, device: wp.Device) -> tuple[Any, Any, Any]:
     """The model of a file, the scene of worlds with joints at random, and its source."""
     os.environ.setdefault("MUJOCO_GL", "disable")  # MuJoCo imports a library of windows otherwise, for nothing here
-    host, state = batch_file.read(path)
-    positions = batch_file.joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed)
+    access = FileAccess(path, **scene_access.options_of(options))
+    host, state = batch_file.read(path, access=access)
+    positions = batch_file.joint_positions(host, state.qpos, num_worlds=options.worlds, seed=options.seed)
     return host, *import_source("mujoco.still").load(host, state, positions, device)
 
 

@@ -8,6 +8,7 @@ import warp as wp
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.common import formats
+from warpcam.tools import scene_access
 from warpcam.tools.image_size import image_size
 
 
@@ -20,6 +21,7 @@ def add(command: argparse.ArgumentParser, worlds: int, size: str) -> None:
         metavar="SCENE",
         help=f"a file: {', '.join((*formats.MUJOCO, *formats.USD, *formats.MESHES))} (default: a demo scene)",
     )
+    scene_access.add(command)
     command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
     command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
     command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")

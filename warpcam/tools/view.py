@@ -5,9 +5,10 @@ import time
 from typing import Any, NoReturn
 
 import warpcam
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
-from warpcam.tools import scene_options
+from warpcam.tools import scene_access, scene_options
 from warpcam.tools.demo_simulation import Simulation
 
 ABOUT = "look around in a scene, in a browser; MuJoCo simulates what it has read"
@@ -31,9 +32,10 @@ def run(options: argparse.Namespace) -> int:
     width, height, device = scene_options.check(options)
     path, simulation = options.scene or batch_file.DEMO, None
     if path.suffix.lower() in (*formats.USD, *formats.MESHES):
-        scene = warpcam.load(path, options.worlds, device=device)
+        scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
     else:
-        simulation = Simulation(path, options.worlds, options.seed)
+        access = FileAccess(path, **scene_access.options_of(options))
+        simulation = Simulation(path, options.worlds, options.seed, access)
         scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device)
     viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port)
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)

@@ -22,7 +22,8 @@ enum SceneFeature {
     TEXTURE_ALPHA,
     LIT_NORMALS,
     COINCIDENT,
-    PLANES_FROM_BEHIND
+    PLANES_FROM_BEHIND,
+    BACKS_UNLIT
 };
 
 // Shape types and features that a kernel is compiled for.

@@ -39,15 +39,27 @@ WARPCAM_DEVICE Vec3 tilted(Vec3 normal, Vec3 map, Vec3 du, Vec3 dv)
     return normalized(map.x * side * normalized(along_u) + map.y * side * normalized(along_v) + map.z * normal);
 }
 
+// Material of a surface point, with its maps applied.
+struct SurfaceMaterial {
+    Vec3 color, emission;  // linear
+    float roughness, metallic, reflectance;
+    float open;  // share of the light from all around that reaches it
+};
+
 // `color` is that of the shape's texture there, linear; `normal` comes in smooth and goes out as the map tilts it.
 template <class Types, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
-WARPCAM_DEVICE PbrInputs<Vec3> pbr_inputs_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
-                                             const Camera& camera, float x, float y, const SurfaceInteraction& surface,
-                                             Vec3 ray, float depth, Vec3 color, Vec3& normal)
+WARPCAM_DEVICE SurfaceMaterial surface_material(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                                const Camera& camera, float x, float y,
+                                                const SurfaceInteraction& surface, Vec3 ray, float depth, Vec3 color,
+                                                Vec3& normal)
 {
     const PbrMaterial& material = look.material;
-    float roughness = material.gloss.x, metallic = material.gloss.y;
-    PbrInputs<Vec3> inputs { {}, as_vec3(material.emission), 1.0f };
+    SurfaceMaterial found { mul(as_vec3(material.color), color),
+                            as_vec3(material.emission),
+                            material.gloss.x,
+                            material.gloss.y,
+                            material.gloss.z,
+                            1.0f };
     if constexpr (MAPS) {
         const int normals = material.normals, packed = material.gloss.w, emission_map = material.emission.w;
         const ShapeFromCamera& pose = look.pose;
@@ -59,26 +71,33 @@ WARPCAM_DEVICE PbrInputs<Vec3> pbr_inputs_at(const Appearances& look, const Mesh
             const Vec3 step_right = slide(right, ray, surface.normal), step_down = slide(down, ray, surface.normal);
             const Float2 to_right { dot(at.du, step_right), dot(at.dv, step_right) };
             const Float2 to_below { dot(at.du, step_down), dot(at.dv, step_down) };
+            const auto read = [&](int texture) {
+                return sample_2d(textures.texels.data, load_image(textures, texture), at.u, at.v, to_right, to_below);
+            };
             if (is_texture(textures, packed)) {
-                const Image image = load_image(textures, packed);
-                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                inputs.open = read.x;
-                roughness *= read.y;
-                metallic *= read.z;
+                const Vec3 factors = read(packed);
+                found.open = factors.x;
+                found.roughness *= factors.y;
+                found.metallic *= factors.z;
             }
-            if (is_texture(textures, emission_map)) {
-                const Image image = load_image(textures, emission_map);
-                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                inputs.emission = mul(inputs.emission, srgb_to_linear(read));
-            }
-            if (is_texture(textures, normals)) {
-                const Image image = load_image(textures, normals);
-                const Vec3 read = sample_2d(textures.texels.data, image, at.u, at.v, to_right, to_below);
-                normal = tilted(normal, 2.0f * read - Vec3 { 1.0f, 1.0f, 1.0f }, at.du, -at.dv);
-            }
+            if (is_texture(textures, emission_map))
+                found.emission = mul(found.emission, srgb_to_linear(read(emission_map)));
+            if (is_texture(textures, normals))
+                normal = tilted(normal, 2.0f * read(normals) - Vec3 { 1.0f, 1.0f, 1.0f }, at.du, -at.dv);
         }
     }
-    set_reflection(inputs, mul(as_vec3(material.color), color), roughness, metallic, material.gloss.z);
+    return found;
+}
+
+template <class Types, int LENS, bool MAPS, class Appearances, class Meshes, class Textures>
+WARPCAM_DEVICE PbrInputs<Vec3> pbr_inputs_at(const Appearances& look, const Meshes& meshes, const Textures& textures,
+                                             const Camera& camera, float x, float y, const SurfaceInteraction& surface,
+                                             Vec3 ray, float depth, Vec3 color, Vec3& normal)
+{
+    const SurfaceMaterial material =
+        surface_material<Types, LENS, MAPS>(look, meshes, textures, camera, x, y, surface, ray, depth, color, normal);
+    PbrInputs<Vec3> inputs { {}, material.emission, material.open };
+    set_reflection(inputs, material.color, material.roughness, material.metallic, material.reflectance);
     return inputs;
 }
 

@@ -152,7 +152,7 @@ WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights,
     if constexpr (Wants::LIT && Wants::PBR) {
         shown.linear = shade_physically<Types, LENS, FLAGS>(look, lights, scene, camera, x, y, surface, place, ray,
                                                             depth, texture, shadow);
-        shown.display = linear_to_srgb(shown.linear);
+        shown.display = display_color<FLAGS>(shown.linear);
     } else if constexpr (Wants::LIT) {
         constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
         // else draw_floor() did, or left this pixel out

@@ -2,6 +2,7 @@
 // scenes and cameras that ask for them have any.
 #pragma once
 #include "shading/appearance.h"
+#include "shading/tone_mapping.h"
 
 namespace warpcam {
 
@@ -110,7 +111,7 @@ WARPCAM_DEVICE void expose(const Scene_& scene, int world, Vec3& linear, Vec3& d
 {
     if constexpr ((FLAGS & HAS_EXPOSURE) != 0) {
         linear = exposed<FLAGS>(scene, world, linear);
-        display = FLAGS & PHYSICAL ? linear_to_srgb(linear) : exposed<FLAGS>(scene, world, display);
+        display = FLAGS & PHYSICAL ? display_color<FLAGS>(linear) : exposed<FLAGS>(scene, world, display);
     }
 }
 

@@ -83,7 +83,7 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
         peel<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade_layer, peeled);
         if (peeled.left < 1.0f) {
             shown.linear = peeled.light + peeled.left * shown.linear;
-            shown.display = linear_to_srgb(shown.linear);
+            shown.display = display_color<FLAGS>(shown.linear);
         }
         return peeled.left;
     } else {
@@ -191,10 +191,10 @@ WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights,
                                                                     camera, frame.horizon, x, y);
             if constexpr (Wants::PBR) {
                 shown.linear = srgb_to_linear(shown.linear);
-                if constexpr ((FLAGS & HAS_SKYBOX) != 0) {
+                if constexpr ((FLAGS & HAS_SKYBOX) != 0)
                     shown.linear = mul(lights.sky.gain, shown.linear);
-                    shown.display = linear_to_srgb(shown.linear);
-                }
+                if constexpr ((FLAGS & (HAS_SKYBOX | TONE_FLAGS)) != 0)
+                    shown.display = display_color<FLAGS>(shown.linear);
             }
             expose<FLAGS>(scene, world, shown.linear, shown.display);
         }

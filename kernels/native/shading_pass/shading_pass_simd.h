@@ -230,7 +230,7 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
                                                  place, to_eye, rays[n], textures[n], shadow, lit.linear);
             if (FLAGS & HAS_EXPOSURE)
                 lit.linear = mul(broadcast(gain), lit.linear);
-            lit.display = linear_to_srgb(lit.linear);
+            lit.display = display_color<FLAGS>(lit.linear);
         } else if constexpr (Wants::LIT) {
             light_eight<Types, LENS, FLAGS, ShadedRows_::LINEAR>(look, id, lights, scene, rows.camera, surfaces[n],
                                                                  offset_rays[n], place, shadow, lit);
@@ -284,8 +284,8 @@ WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scen
         }
         if (FLAGS & HAS_EXPOSURE)
             linear = display = mul(broadcast(gain), linear);
-        if constexpr ((FLAGS & PHYSICAL) != 0 && (FLAGS & (HAS_SKYBOX | HAS_EXPOSURE)) != 0)
-            display = linear_to_srgb(linear);
+        if constexpr ((FLAGS & PHYSICAL) != 0 && (FLAGS & (HAS_SKYBOX | HAS_EXPOSURE | TONE_FLAGS)) != 0)
+            display = display_color<FLAGS>(linear);
         shaded.put_light(pixels + first, some, linear, display, 0u);
     }
 }

@@ -165,30 +165,6 @@ WARPCAM_DEVICE void mark_glass(Float3Int& aim, const ShapeRecord& record, const 
             aim.w = opacity(shapes, materials, world, id) < SOLID;
 }
 
-// True if the sphere around a shape's place that holds it is wanted as a caster. Asks for less than the shape itself,
-// not for its rotation, and is true for all that are wanted.
-template <class Types, class Wanted, class Meshes, class HeightFields>
-WARPCAM_DEVICE bool may_be_wanted(const Shape& shape, const Wanted& wanted, const LightView& light,
-                                  const Camera& camera, const Meshes& meshes, const HeightFields& fields)
-{
-    LocalBounds extent {};
-    Vec3 scale;
-    Caster caster;
-    if (!shape_bounds<Types>(shape, meshes, fields, extent, scale, caster.record))
-        return false;
-    if (!(extent.half.x >= 0.0f))
-        return true;  // an endless plane
-    const Vec3 far { abs(extent.center.x) + extent.half.x, abs(extent.center.y) + extent.half.y,
-                     abs(extent.center.z) + extent.half.z };
-    const float radius = (1.0f + 1.0e-5f) * sqrt(dot(far, far));
-    const Vec3 c { shape.position.x - camera.origin.x, shape.position.y - camera.origin.y,
-                   shape.position.z - camera.origin.z };
-    const Mat3 upright { { { 1.0f, 0.0f, 0.0f }, { 0.0f, 1.0f, 0.0f }, { 0.0f, 0.0f, 1.0f } } };
-    caster.bounds_uv =
-        bounds_uv_of(light, SPHERE, c, upright, { { 0.0f, 0.0f, 0.0f }, { radius, radius, radius } }, caster.height);
-    return wanted.has(caster);
-}
-
 // Any caster.
 struct AllCasters {
     WARPCAM_DEVICE bool has(const Caster&) const { return true; }
@@ -259,60 +235,25 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE int collect_casters(List& list, int begin, c
     return begin;
 }
 
-#if defined(__CUDA_ARCH__)
-// Does the same by a block, for scenes most of whose shapes are not wanted: spheres tell which may be.
-template <class Types, class Wanted, class List, class Shapes, class Materials, class Meshes, class HeightFields>
-WARPCAM_DEVICE int collect_few_casters(List& list, int begin, const Wanted& wanted, const Shapes& shapes,
-                                       const Materials& materials, const Meshes& meshes, const HeightFields& fields,
-                                       const LightView& light, const Camera& camera, int world, int thread)
+// Finds the bounds of a list that a block has filled.
+template <class List> WARPCAM_DEVICE void close_list(List& list, int thread)
 {
-    WARPCAM_SHARED int places[List::CAPACITY], counts[2][THREADS / WARP_SIZE], next;
-    const int total = shapes.drawn.shape[0];
-    int chosen = 0;
-    for (int round = 0; begin < total; ++round) {
-        const int i = begin + thread;
-        const bool may_be = i < total
-                            && may_be_wanted<Types>(load_shape(shapes, world, wp::index(shapes.drawn, i)), wanted,
-                                                    light, camera, meshes, fields);
-        const int place = place_among(may_be, chosen, counts[round & 1], thread);
-        if (may_be && place < List::CAPACITY)
-            places[place] = i;
-        if (may_be && place == List::CAPACITY)
-            next = i;
-        if (chosen > List::CAPACITY)
-            break;
-        begin += THREADS;
-    }
-    block_sync();
-    if (chosen > List::CAPACITY)
-        begin = next;
-    for (int i = thread; i < min(chosen, List::CAPACITY); i += THREADS)
-        put_caster<Types>(list, places[i], wanted, shapes, materials, meshes, fields, light, camera, world);
-    end_casters<THREADS>(list, thread);
-    return begin;
-}
-#endif
-
-// Builds the list with its bounds, by a whole block. FEW: most shapes are not wanted.
-template <class Types, bool FEW = false, class Wanted, class List, class Shapes, class Materials, class Meshes,
-          class HeightFields>
-WARPCAM_DEVICE int gather_casters(List& list, int begin, const Wanted& wanted, const Shapes& shapes,
-                                  const Materials& materials, const Meshes& meshes, const HeightFields& fields,
-                                  const LightView& light, const Camera& camera, int world, int thread)
-{
-#if defined(__CUDA_ARCH__)
-    if constexpr (FEW)
-        begin = collect_few_casters<Types>(list, begin, wanted, shapes, materials, meshes, fields, light, camera, world,
-                                           thread);
-    else
-#endif
-        begin = collect_casters<Types, THREADS>(list, begin, wanted, shapes, materials, meshes, fields, light, camera,
-                                                world, thread);
 #if defined(__CUDA_ARCH__)
     if (thread < WARP_SIZE)
         find_bounds(list);
 #endif
     block_sync();
+}
+
+// Builds the list with its bounds, by a whole block.
+template <class Types, class Wanted, class List, class Shapes, class Materials, class Meshes, class HeightFields>
+WARPCAM_DEVICE int gather_casters(List& list, int begin, const Wanted& wanted, const Shapes& shapes,
+                                  const Materials& materials, const Meshes& meshes, const HeightFields& fields,
+                                  const LightView& light, const Camera& camera, int world, int thread)
+{
+    begin = collect_casters<Types, THREADS>(list, begin, wanted, shapes, materials, meshes, fields, light, camera,
+                                            world, thread);
+    close_list(list, thread);
     return begin;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 #include "shadow/casters.h"
 #include "shadow/shadow_span.h"
+#include "shadow/turned_away.h"
 
 namespace warpcam {
 
@@ -37,6 +38,27 @@ struct ReceiverBounds {
 };
 
 WARPCAM_DEVICE ReceiverBounds no_cover() { return { { MISS, -MISS, MISS, -MISS }, MISS, -MISS, false, false }; }
+
+// The points of a region that ask, a bit each, by tiles. Without tiles it is not known beforehand which do.
+template <int WIDTH, int HEIGHT> struct AskingTiles {
+    static constexpr int ACROSS = WIDTH > 0 ? WIDTH / TILE_WIDTH : 1,
+                         COUNT = WIDTH / TILE_WIDTH * (HEIGHT / TILE_HEIGHT);
+
+    unsigned of[COUNT > 0 ? COUNT : 1];
+
+    WARPCAM_DEVICE static int column(int tile) { return tile % ACROSS * TILE_WIDTH; }
+    WARPCAM_DEVICE static int row(int tile) { return tile / ACROSS * TILE_HEIGHT; }
+
+#if defined(__CUDA_ARCH__)
+    // Leaves out lanes' points of a tile. Called by the only warp that looks at it.
+    WARPCAM_DEVICE void leave_out(int tile, bool mine, int lane)
+    {
+        const unsigned done = __ballot_sync(FULL_WARP, mine);
+        if (done && lane == 0)
+            of[tile] &= ~done;
+    }
+#endif
+};
 
 #if defined(__CUDA_ARCH__)
 
@@ -79,15 +101,24 @@ WARPCAM_DEVICE Asking asking_at(const Task& task, const Target& target, int colu
     return a;
 }
 
-// Bounds of the points of a region that ask. Called by a block, whose warps each leave theirs in `covers`.
-template <int WIDTH, int HEIGHT, class Task, class Target>
-WARPCAM_DEVICE void survey_region(const Task& task, const Target& target, ReceiverBounds* covers, int thread)
+// Finds the points of a region that ask, and their bounds. Called by a block, whose warps each leave theirs in `covers`.
+template <class Types, class Tiles, class Task, class Shapes, class Target>
+WARPCAM_DEVICE void survey_region(const Task& task, const Shapes& shapes, const Target& target, ReceiverBounds* covers,
+                                  Tiles& tiles, int thread)
 {
+    const int lane = thread % WARP_SIZE;
     ReceiverBounds cover = no_cover();
-    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-        const Asking a = asking_at(task, target, pixel % WIDTH, pixel / WIDTH);
+#pragma unroll 2
+    for (int tile = thread / WARP_SIZE; tile < Tiles::COUNT; tile += THREADS / WARP_SIZE) {
+        Asking a =
+            asking_at(task, target, Tiles::column(tile) + lane % TILE_WIDTH, Tiles::row(tile) + lane / TILE_WIDTH);
+        if constexpr (leaves_out_backs<Types>())
+            a.asks = a.asks && !turned_away<Types>(shapes, task.world, a.id, task.view, a.p);
         if (a.asks)
             cover.add(a.place);
+        const unsigned asking = __ballot_sync(FULL_WARP, a.asks);
+        if (lane == 0)
+            tiles.of[tile] = asking;
     }
     cover = joined(cover);
     if (thread % WARP_SIZE == 0)

@@ -1,17 +1,18 @@
 // Shadow pass: finds the lights that reach each visible point. Each pixel's hit point looks back at each light; the
 // shapes that may stand between a tile's points and the light are selected once for the whole tile.
 #pragma once
+#include "core/conditional.h"
 #include "shadow/plane_receiver_cull.h"
 #include "lights/active_lights.h"
 #include "shadow/mesh_any_hit.h"
-#include "shadow/receivers.h"
+#include "shadow/near_casters.h"
 #include "shadow/shadow_strips.h"
 #include "shadow/occluder_boxes.h"
 
 namespace warpcam {
 
 constexpr int FEW_CASTERS = 2;
-constexpr int FULL_LIST = 192;  // the largest list; in scenes of more casters it has those that a region needs
+constexpr int FULL_LIST = 160;  // the largest list; in scenes of more casters it has those that a region needs
 
 // True if an active light casts shadows. A light without colour has none to take away.
 template <class Lights> WARPCAM_DEVICE bool casts(const Lights& lights, int world, int light)
@@ -31,7 +32,7 @@ WARPCAM_NOINLINE_CPU WARPCAM_DEVICE ReceiverView<LENS> light_view(const Lights& 
                                       map_size(lights, distant, per_world(lights.cutoff, world, light)));
     const PointReconstructor<LENS> reconstructor = reconstructor_of<LENS>(camera);
     bool dims = false;
-    if constexpr (Types::has(MESH) && Types::has(SHADING_BACKS)) {
+    if constexpr ((Types::has(MESH) && Types::has(SHADING_BACKS)) || leaves_out_backs<Types>()) {
         const Vec3 ambient = as_vec3(per_world(lights.ambient, world, light));
         dims = dot(ambient, ambient) > 0.0f;
     }
@@ -93,10 +94,11 @@ template <class List> WARPCAM_DEVICE bool others_met(const List& list, unsigned 
 
 // Casts the shadows of one light, as far as they come from the list's shapes, in one region: adds its bit to the masks
 // of the pixels that lie in shadow.
-template <class Types, int LENS, int WIDTH, int HEIGHT, class List, class Shapes, class Meshes, class HeightFields,
-          class Target>
-WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Shapes& shapes, const Meshes& meshes,
-                               const HeightFields& fields, const Target& target, const Floor& floor, unsigned floors)
+template <class Types, int LENS, int WIDTH, int HEIGHT, class List, class Asking_, class Shapes, class Meshes,
+          class HeightFields, class Target>
+WARPCAM_DEVICE void cast_light(List& list, Asking_& asking_tiles, const LightPass<LENS>& task, const Shapes& shapes,
+                               const Meshes& meshes, const HeightFields& fields, const Target& target,
+                               const Floor& floor, unsigned floors)
 {
     constexpr bool HAS_MESH = Types::has(MESH);
     const ReceiverView<LENS>& view = task.view;
@@ -104,6 +106,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     constexpr bool BESIDE = lights_per_batch<Types, List::CAPACITY>() > 1;
     constexpr int WORDS = List::WORDS;
     using Strips = Strip<WIDTH, HEIGHT>;
+    constexpr bool SURVEYED = Asking_::COUNT > 0;  // it is known which points ask
     WARPCAM_SHARED ShadowRays<HAS_MESH ? WORDS : 1, NodeRay<by_child<Types>()>>
         rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
     const int lane = threadIdx.x % WARP_SIZE, warp = HAS_MESH ? threadIdx.x / WARP_SIZE : 0;
@@ -122,6 +125,13 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
     unsigned strip = 0, asking = 0;  // lanes that have found pixels in a strip's tiles, as far as these are to be done
     const auto next_tile = [&](int& found) {
         while (!asking) {
+            if constexpr (SURVEYED) {
+                strip = __shfl_sync(FULL_WARP, lane == 0 ? draw_next(list.next_tile) : 0, 0);
+                if (strip >= unsigned(Asking_::COUNT))
+                    return false;
+                asking = asking_tiles.of[strip];
+                continue;
+            }
             if constexpr (ON_FLOOR) {
                 if (!take_strip(list.strips, strip, lane))
                     return false;
@@ -140,9 +150,11 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
             __syncwarp();  // masks that one lane clears another may write
         }
         const int first_lane = ctz(asking);
-        asking &= ~Strips::lanes_of(first_lane);
-        const int column = Strips::column(strip) + Strips::tile_column(first_lane) + lane % TILE_WIDTH;
-        const int row = Strips::row(strip) + lane / TILE_WIDTH;
+        const bool may_ask = !SURVEYED || (asking >> lane & 1);
+        asking = SURVEYED ? 0 : asking & ~Strips::lanes_of(first_lane);
+        const int column = (SURVEYED ? Asking_::column(strip) : Strips::column(strip) + Strips::tile_column(first_lane))
+                           + lane % TILE_WIDTH;
+        const int row = (SURVEYED ? Asking_::row(strip) : Strips::row(strip)) + lane / TILE_WIDTH;
         const size_t at = task.corner + unsigned(row * target.width + column);
         const int column_in_view = task.region.left + column, row_in_view = task.region.top + row;
         const bool inside = (column_in_view < target.width) & (row_in_view < target.height);
@@ -150,7 +162,7 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         const float depth = inside ? target.depth.data[at] : 0.0f;
         const float i = float(column_in_view), j = float(row_in_view);
         const LightSpacePoint place = place_of(view.light.distant, view.lit.point(i, j, depth));
-        const bool asks = id >= 0 && may_be_shaded(list, place);
+        const bool asks = may_ask && id >= 0 && may_be_shaded(list, place);
         bool open = asks;
         // with a mesh or two each pixel's own place tells as soon
         const TileBounds around = HAS_MESH && list.count <= FEW_CASTERS ? whole_tile() : bounds_uv_around(place, asks);
@@ -186,6 +198,8 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
         }
         if (asks && !open)
             mark_shadow<BESIDE>(target, at, task.bit);
+        if constexpr (SURVEYED)
+            asking_tiles.leave_out(strip, asks && !open, lane);
         return true;
     };
     if (HAS_MESH) {
@@ -220,28 +234,6 @@ WARPCAM_DEVICE void cast_light(List& list, const LightPass<LENS>& task, const Sh
 #endif
 }
 
-// Clears the masks of a region.
-template <int WIDTH, int HEIGHT, class Target>
-WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, int world, int thread)
-{
-#if defined(__CUDA_ARCH__)
-    constexpr int TOGETHER = 16;
-    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
-    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
-        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
-        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
-            clear_several<TOGETHER>(
-                corner + unsigned(number / (WIDTH / TOGETHER) * target.width + number % (WIDTH / TOGETHER) * TOGETHER));
-        return;
-    }
-#endif
-    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
-        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
-        if (i < target.width && j < target.height)
-            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
-    }
-}
-
 // Shadows in one region of one view; the index runs as in draw(). The list is filled and used once for each light, and
 // again as often as the scene's shapes need.
 template <class Types, int LENS, int CAPACITY, int WIDTH, int HEIGHT, class Shapes, class Materials, class Meshes,
@@ -268,9 +260,20 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
         if (thread == THREADS - 1)
             floor = load_floor(shapes, load_camera(wp::index(views, world)), world, target.plane);
 #endif
+#if defined(__CUDA_ARCH__)
+    constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
+    WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
+    WARPCAM_SHARED optional_t<FULL, NearPlaces> near_places;
+    WARPCAM_SHARED AskingTiles<FULL ? WIDTH : 0, FULL ? HEIGHT : 0> asking_tiles;
+    if constexpr (FULL)
+        clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);
+#else
+    constexpr bool FULL = false;
+    AskingTiles<0, 0> asking_tiles;
+#endif
     ActiveLights active = active_lights(lights);
     const size_t corner = (size_t(world) * target.height + region.top) * target.width + region.left;
-    bool fresh = true;
+    bool fresh = !FULL;  // masks are still to be cleared
     unsigned floors = 0;
 #if defined(__CUDA_ARCH__)
     if constexpr (uses_plane_cull<Types, LENS, WIDTH, HEIGHT>()) {
@@ -326,8 +329,8 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
             for (int k = 0; k < found; ++k) {
                 if (lists[k].count == 0)
                     continue;
-                cast_light<Types, LENS, WIDTH, HEIGHT>(lists[k], tasks[k], shapes, meshes, fields, target, floor,
-                                                       floors);
+                cast_light<Types, LENS, WIDTH, HEIGHT>(lists[k], asking_tiles, tasks[k], shapes, meshes, fields, target,
+                                                       floor, floors);
             }
         }
         return;
@@ -335,32 +338,42 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
 #endif
     auto& list = lists[0];
     auto& task = tasks[0];
-#if defined(__CUDA_ARCH__)
-    constexpr bool FULL = Types::has(MESH) && CAPACITY >= FULL_LIST;
-    WARPCAM_SHARED ReceiverBounds covers[FULL ? THREADS / WARP_SIZE : 1];
-#endif
-    const auto gather = [&](int begin, const LightView& light, const Camera& camera) {
+    int begin = 0, listed = 0;  // the first shape that was not asked for; places near the region that were listed
+    const auto gather = [&](const LightView& light, const Camera& camera) {  // true if there are more
 #if defined(__CUDA_ARCH__)
         if constexpr (FULL) {
-            if (total > CAPACITY) {
-                if (begin == 0)
-                    survey_region<WIDTH, HEIGHT>(task, target, covers, thread);
-                return covers[0].any
-                           ? gather_casters<Types, true>(list, begin, NearCasters { covers[0] }, shapes, materials,
-                                                         meshes, fields, light, camera, world, thread)
-                           : total;
+            if (begin == 0) {
+                survey_region<Types>(task, shapes, target, covers, asking_tiles, thread);
+                if (thread == 0)
+                    near_places.count = 0;
+                listed = 0;
+                block_sync();
             }
+            const NearCasters wanted { covers[0] };
+            if (!wanted.cover.any)
+                return false;
+            if (listed >= near_places.count) {
+                begin =
+                    find_near<Types>(near_places, begin, wanted, shapes, meshes, fields, light, camera, world, thread);
+                listed = 0;
+            }
+            gather_near<Types>(list, near_places, listed, wanted, shapes, materials, meshes, fields, light, camera,
+                               world, thread);
+            listed += CAPACITY;
+            return begin < total || listed < near_places.count;
         }
 #endif
-        return gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
-                                     world, thread);
+        begin = gather_casters<Types>(list, begin, AllCasters {}, shapes, materials, meshes, fields, light, camera,
+                                      world, thread);
+        return begin < total;
     };
     for (int number = 0; number < num_lights; ++number) {
         const int place = active.next(lights, world, number);
         if (place < 0 || !casts(lights, world, number))
             continue;
-        int begin = 0;
-        do {
+        begin = 0;
+        bool more = true;
+        while (more) {
             block_sync();  // the list may still be in use
             if (thread == 0)
                 list.count = list.next_tile = list.strips = 0;
@@ -370,12 +383,13 @@ WARPCAM_DEVICE void cast(const Shapes& shapes, const Materials& materials, const
                 if (thread == 0)
                     task = { own, region, corner, world, 1u << place, fresh };
                 block_sync();
-                begin = gather(begin, own.light, camera);
+                more = gather(own.light, camera);
             }
             if (list.count > 0)
-                cast_light<Types, LENS, WIDTH, HEIGHT>(list, task, shapes, meshes, fields, target, floor, floors);
+                cast_light<Types, LENS, WIDTH, HEIGHT>(list, asking_tiles, task, shapes, meshes, fields, target, floor,
+                                                       floors);
             fresh = fresh && list.count == 0;
-        } while (begin < total);
+        }
     }
     if (fresh)  // nothing casts a shadow
         clear_shadows<WIDTH, HEIGHT>(target, region, world, thread);

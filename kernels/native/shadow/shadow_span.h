@@ -11,7 +11,7 @@ template <int LENS> struct ReceiverView {
     PointReconstructor<LENS> reconstructor;  // points from the camera, along the world's axes
     PointReconstructor<LENS> lit;    // the same along the light's axes
     Vec3 origin;         // the camera, world frame
-    bool dims;          // its shadow takes an ambient part from what is turned away from it, too: of meshes
+    bool dims;          // its shadow takes an ambient part from what is turned away from it, too
 };
 
 // A ray from a hit point to the light runs from t = 0 to 1, or to infinity if the light is distant. It counts from

@@ -148,4 +148,27 @@ WARPCAM_DEVICE unsigned find_floors(const Target& target, size_t corner, int pla
 }
 
 #endif
+
+// Clears the masks of a region.
+template <int WIDTH, int HEIGHT, class Target>
+WARPCAM_DEVICE void clear_shadows(const Target& target, const Region& region, int world, int thread)
+{
+#if defined(__CUDA_ARCH__)
+    constexpr int TOGETHER = 16;
+    auto* corner = target.shadow.data + (size_t(world) * target.height + region.top) * target.width + region.left;
+    if (region.left + WIDTH <= target.width && region.top + HEIGHT <= target.height
+        && (reinterpret_cast<size_t>(corner) | unsigned(target.width)) % TOGETHER == 0) {
+        for (int number = thread; number < WIDTH * HEIGHT / TOGETHER; number += THREADS)
+            clear_several<TOGETHER>(
+                corner + unsigned(number / (WIDTH / TOGETHER) * target.width + number % (WIDTH / TOGETHER) * TOGETHER));
+        return;
+    }
+#endif
+    for (int pixel = thread; pixel < WIDTH * HEIGHT; pixel += THREADS) {
+        const int i = region.left + pixel % WIDTH, j = region.top + pixel / WIDTH;
+        if (i < target.width && j < target.height)
+            target.shadow.data[(size_t(world) * target.height + j) * target.width + i] = 0;
+    }
+}
+
 }  // namespace warpcam

@@ -41,7 +41,7 @@ WARPCAM_DEVICE bool shade_tile(const List& list, const ReceiverView<LENS>& view,
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + 31) / 32;
     const bool distant = view.light.distant;
     bool met_any = false;
-    for (int word = 0; word < words; ++word) {
+    for (int word = 0; word < words && __any_sync(FULL_WARP, open); ++word) {
         const bool mine =
             may_occlude(list.bounds_uv[word * 32 + lane], list.heights[word * 32 + lane], tile.bounds_uv, tile.floor);
         unsigned word_met = 0;

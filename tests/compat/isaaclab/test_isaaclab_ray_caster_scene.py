@@ -13,7 +13,7 @@ import torch
 
 import warpcam as wc
 
-HOW = "see 'the laboratories' in .ci/run"
+HOW = "see 'laboratories' in .ci/run"
 newton = pytest.importorskip("newton", reason=HOW)
 if not newton.__version__.startswith("1.6."):
     pytest.skip(

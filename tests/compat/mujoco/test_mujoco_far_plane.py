@@ -17,7 +17,7 @@ OFF = (-1e-3, -1e-4, -1e-5, -1e-6, 0.0, 1e-6, 1e-5, 1e-4, 1e-3)  # of the far pl
 def wall(zfar: float, znear: float, extent: float, off: float, lens: str = "") -> mujoco.MjModel:
     """A wall so far beyond the far plane."""
     distance = zfar * extent * (1.0 + off) + 0.1
-    visual = f'<visual><quality offsamples="0"/><map zfar="{zfar}" znear="{znear}"/></visual>'
+    visual = f'<visual><quality offsamples="0" shadowsize="16"/><map zfar="{zfar}" znear="{znear}"/></visual>'
     return scenes.compile_xml(
         f'<camera xyaxes="1 0 0 0 0 1" {lens}/><geom type="box" size="99 .1 99" pos="0 {distance!r} 0"/>',
         more=f'<statistic extent="{extent}"/>{visual}',

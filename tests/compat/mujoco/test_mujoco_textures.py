@@ -39,7 +39,7 @@ SHAPES = {
 }
 CHANGED = ("box", "sphere", "ellipsoid", "capsule", "cylinder", "plane", "mesh with coordinates")
 LIT = f"""
-  <visual><quality offsamples="0" numslices="{FINE}" numstacks="{FINE}"/>
+  <visual><quality offsamples="0" numslices="{FINE}" numstacks="{FINE}" shadowsize="16"/>
     <headlight ambient=".6 .6 .6" diffuse=".4 .4 .4" specular="0 0 0"/></visual>
 """
 CAMERA = '<camera pos="0 -2.2 2.6" xyaxes="1 0 0 0 2.6 2.2" fovy="48"/>'

@@ -222,7 +222,7 @@ RATIFIED = (
     "KHR_animation_pointer", "KHR_materials_anisotropy", "KHR_materials_clearcoat",
     "KHR_materials_diffuse_transmission", "KHR_materials_dispersion", "KHR_materials_iridescence",
     "KHR_materials_sheen", "KHR_materials_specular",
-    "KHR_materials_transmission", "KHR_materials_variants", "KHR_materials_volume", "KHR_node_hoverability",
+    "KHR_materials_variants", "KHR_materials_volume", "KHR_node_hoverability",
     "KHR_node_selectability", "KHR_texture_basisu", "KHR_xmp_json_ld", "EXT_lights_image_based",
     "EXT_meshopt_compression", "MSFT_lod", "VENDOR_of_tomorrow",
 )  # fmt: skip
@@ -241,6 +241,7 @@ DRAWN = (
     "KHR_materials_unlit", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_texture_transform",
     "KHR_mesh_quantization", "EXT_mesh_gpu_instancing", "EXT_texture_webp", "KHR_draco_mesh_compression",
     "KHR_lights_punctual", "KHR_node_visibility", "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
 )  # fmt: skip
 
 

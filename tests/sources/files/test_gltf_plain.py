@@ -122,10 +122,10 @@ def test_instances(tmp_path: Path) -> None:
 
 def test_extensions_that_are_not_drawn(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     file = square()
-    file.tree["extensionsUsed"] = ["KHR_materials_volume", "KHR_materials_transmission", "KHR_mesh_quantization"]
+    file.tree["extensionsUsed"] = ["KHR_materials_volume", "KHR_materials_sheen", "KHR_mesh_quantization"]
     with caplog.at_level(logging.WARNING):
         file.bounds(tmp_path)
-    assert "KHR_materials_volume, KHR_materials_transmission" in caplog.text
+    assert "KHR_materials_volume, KHR_materials_sheen" in caplog.text
     assert "KHR_mesh_quantization" not in caplog.text
 
 

@@ -150,6 +150,7 @@ def test_fallbacks_keep_paths_and_settings(tmp_path: Path) -> None:
     folder = tmp_path / "arm" / "urdf"
     folder.mkdir(parents=True)
     trimesh.creation.box((1, 2, 3)).export(tmp_path / "arm" / "box.stl")
+    (tmp_path / "arm" / "package.xml").touch()
     lost = '<visual><geometry><mesh filename="package://arm/gone.dae"/></geometry></visual>'
     mesh = '<collision><geometry><mesh filename="package://arm/box.stl"/></geometry></collision>'
     path = robot(folder, lost, collision=mesh)
@@ -194,6 +195,9 @@ def test_packages_are_found(name: str, tmp_path: Path, monkeypatch: pytest.Monke
             patch.setenv(variable, f"/nowhere:{value}")
             assert urdf.load(path).nmesh == 1
     (there / "box.stl").rename(tmp_path / "x" / "box.stl")
+    with pytest.raises(wc.WarpcamError, match=r"outside of the scene's folder '.*/x/urdf'; .* search_paths=\['.*/x'\]"):
+        urdf.load(path)
+    (tmp_path / "x" / "package.xml").touch()
     assert urdf.load(path).nmesh == 1
 
 
@@ -216,9 +220,10 @@ LAYOUTS = [
 
 @pytest.mark.parametrize(("path", "there", "name"), LAYOUTS)
 def test_layouts_of_repositories(path: str, there: str, name: str, tmp_path: Path) -> None:
-    """Meshes are found without an argument."""
+    """Meshes are found without an argument, in packages and in folders of meshes beside the file's."""
     for folder in (path, there):
         (tmp_path / folder).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / there).parents[1].joinpath("package.xml").touch()
     trimesh.creation.box().export(tmp_path / there)
     mesh = f'<visual><geometry><mesh filename="{name}"/></geometry></visual>'
     robot((tmp_path / path).parent, mesh)

@@ -119,9 +119,20 @@ def _load(
 ) -> warpcam.DrivenScene:
     path = Path(plan.scene)
     if pool is not None and path.suffix.lower() in formats.USD:
-        stage = usd_distractors.stage_with(plan.scene, pool)
-        return warpcam.from_usd(stage, plan.worlds, device=device, textures=textures)
+        access = plan.access()
+        stage = usd_distractors.stage_with(plan.scene, pool, access)
+        return load_file.load_stage(stage, plan.worlds, device=device, textures=textures, access=access)
     add = None if pool is None else partial(mesh_distractors.add, pool)
-    scene = load_file.load(path, plan.worlds, device, None, "Z", textures, add=add)
+    scene = load_file.load(
+        path,
+        plan.worlds,
+        device,
+        None,
+        "Z",
+        textures,
+        trusted=plan.trusted,
+        search_paths=plan.search_paths,
+        add=add,
+    )
     assert isinstance(scene, warpcam.DrivenScene)  # the kind of file is known
     return scene

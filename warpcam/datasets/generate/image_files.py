@@ -1,11 +1,14 @@
 """Images of a folder."""
 
+import io
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, read_named
+from warpcam.sources.common.images import FORMATS, check_pixels
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 LARGEST = 1024  # of a texture's sides [pixels]
@@ -50,7 +53,8 @@ def read_cover(path: Path, width: int, height: int, left: float, top: float) -> 
 
 def open_image(path: Path) -> Image.Image:
     try:
-        with Image.open(path) as image:
+        with Image.open(io.BytesIO(read_named(path, None, "dataset")), formats=FORMATS) as image:
+            check_pixels(image, FileAccess(None, trusted=True), str(path))
             return image.convert("RGB")
-    except OSError as error:
+    except (OSError, Image.DecompressionBombError) as error:
         raise WarpcamError(f"{path}: it cannot be read as an image: {error}") from None

@@ -41,7 +41,7 @@ class MujocoScene:
         if recipes.poses or recipes.textures or recipes.distractors:
             import mujoco
 
-            spec = batch_file.read_spec(path)
+            spec = batch_file.read_spec(path, plan.access())
             self._choose_bodies(spec, mujoco)
             materials = self._add_textures(spec, mujoco, recipes.textures) if recipes.textures else []
             self._add_distractors(spec, mujoco, recipes.distractors)
@@ -53,7 +53,7 @@ class MujocoScene:
             batch_file.restart(self.host, state)
             self._choose_textures(materials, recipes.textures)
         else:
-            self.host, state = batch_file.read(path)
+            self.host, state = batch_file.read(path, access=plan.access())
         self._start, self._mocap = np.array(state.qpos), (np.array(state.mocap_pos), np.array(state.mocap_quat))
         self._batch = batch_file.put(self.host, state, num_worlds=plan.worlds, device=device, path=path)
         self.scene = warpcam.from_mujoco_warp(self.host, self._batch.model, self._batch.data)

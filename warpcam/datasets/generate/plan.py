@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.datasets.generate.image_files import image_files
 from warpcam.datasets.generate.recipes import Recipes
 from warpcam.datasets.generate.scene_files import digest_of, digests
@@ -38,6 +39,8 @@ class Plan:
         antialiasing: As ``Camera`` has it.
         validation: Share of the samples, drawn by number, that are listed for validation.
         options: Of the writer, by name.
+        trusted: As ``warpcam.load`` has it. Folders that the recipes name are the user's own, wherever they are.
+        search_paths: As ``warpcam.load`` has it.
     """
 
     scene: str
@@ -58,6 +61,8 @@ class Plan:
     antialiasing: int = 4
     validation: float = 0.0
     options: tuple[tuple[str, Any], ...] = ()
+    trusted: bool = False
+    search_paths: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -85,6 +90,15 @@ class Plan:
             raise WarpcamError(f"scene: {self.scene!r} came; known are {', '.join(known)}")
         if not Path(self.scene).is_file():
             raise WarpcamError(f"scene: there is no file {self.scene!r}")
+        self.access()
+
+    def access(self) -> FileAccess:
+        """What the scene may open.
+
+        Raises:
+            WarpcamError: ``trusted`` or ``search_paths`` cannot be used.
+        """
+        return FileAccess(Path(self.scene), self.trusted, self.search_paths, where="dataset")
 
     @property
     def num_shards(self) -> int:
@@ -102,10 +116,10 @@ class Plan:
         ``count`` is not among them: a data set may grow. All files that samples follow from are read for their digests.
         """
         plain = asdict(self)
-        for name in ("out", "count", "worlds", "device"):
+        for name in ("out", "count", "worlds", "device", "trusted", "search_paths"):
             del plain[name]
         plain["scene"] = Path(self.scene).name
-        plain["scene_sha256"] = digests(Path(self.scene))
+        plain["scene_sha256"] = digests(Path(self.scene), self.access())
         for name in ("textures", "backgrounds"):
             recipe = getattr(self.recipes, name)
             if recipe is not None:

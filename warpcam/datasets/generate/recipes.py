@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import Limits
 from warpcam.datasets.generate.strict import (
     by_name,
     dataclass_by_name,
@@ -223,6 +224,16 @@ class Recipes:
     labels: LabelRecipe = setting(nested(LabelRecipe), LabelRecipe())
 
 
-def read_recipes(path: Path | None) -> Recipes:
-    """What a YAML file says; without a file, joints of MuJoCo's scenes are random and all else is the scene's."""
-    return Recipes() if path is None else read_file(Recipes, path)
+def read_recipes(path: Path | None, limits: Limits | None = None) -> Recipes:
+    """What a YAML file says; without a file, joints of MuJoCo's scenes are random and all else is the scene's.
+
+    Folders that the file names may be anywhere: a recipe is the user's own.
+
+    Args:
+        path: Of the file.
+        limits: Of its size, and of the entries that aliases stand for; None is ``warpcam.Limits()``.
+
+    Raises:
+        WarpcamError: The file cannot be read, something in it is not known or not allowed, or over a limit.
+    """
+    return Recipes() if path is None else read_file(Recipes, path, limits)

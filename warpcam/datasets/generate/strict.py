@@ -7,7 +7,9 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
+from warpcam.core import plain_yaml
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, Limits, read_named
 
 T = TypeVar("T")
 Reader = Callable[[Any, str], Any]
@@ -18,10 +20,11 @@ def setting(read: Reader, default: Any = MISSING) -> Any:
     return field(metadata={"read": read}, **({} if default is MISSING else {"default": default}))
 
 
-def read_file(kind: type[T], path: Path) -> T:
+def read_file(kind: type[T], path: Path, limits: Limits | None) -> T:
     """A dataclass of a YAML file.
 
     Raises:
+        RefusedError: The file, or what it stands for, is over a limit.
         WarpcamError: The file cannot be read, or something in it is not known or not allowed.
     """
     try:
@@ -29,9 +32,13 @@ def read_file(kind: type[T], path: Path) -> T:
     except ModuleNotFoundError:
         raise WarpcamError("pyyaml is not installed, and YAML files need it: pip install 'warpcam[datasets]'") from None
     try:
-        value = yaml.safe_load(path.read_text())
+        text = read_named(path, limits, "read_recipes").decode()
+        plain_yaml.check(text, FileAccess(None, trusted=True, limits=limits), str(path))
+        value = yaml.safe_load(text)
     except OSError as error:
-        raise WarpcamError(f"{path}: it cannot be read: {error.strerror}") from None
+        raise WarpcamError(f"{path}: it cannot be read: {error.strerror or error}") from None
+    except RecursionError:
+        raise WarpcamError(f"{path}: its entries lie in each other too deep") from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise WarpcamError(f"{path}: it is not YAML: {' '.join(str(error).split())}") from None
     return read_dataclass(kind, {} if value is None else value, str(path))

@@ -4,23 +4,24 @@ from pathlib import Path
 from typing import Any
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.datasets.generate.distractor_pool import ROOT, DistractorPool, Thing
 
 
-def stage_with(scene: str, pool: DistractorPool) -> Any:
-    """Stage of a file with a pool's things beside it, around its origin.
+def stage_with(scene: str, pool: DistractorPool, access: FileAccess) -> Any:
+    """Stage of a file with a pool's things beside it, around its origin; ``access`` is what the file may open.
 
     Raises:
+        RefusedError: A layer lies outside of what may be opened, or is too large.
         WarpcamError: USD cannot read the file, or is not installed.
     """
     try:
-        from pxr import Sdf, Tf, Usd, UsdGeom
+        from pxr import Sdf, Usd, UsdGeom
     except ModuleNotFoundError:
         raise WarpcamError("pxr is not installed, and this scene needs it: pip install 'warpcam[usd]'") from None
-    try:
-        below = Usd.Stage.Open(scene)
-    except Tf.ErrorException as error:
-        raise WarpcamError(f"scene: USD cannot read {scene!r}: {' '.join(str(error).split())}") from None
+    from warpcam.sources.usd.opening import open_file
+
+    below = open_file(scene, access)
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().subLayerPaths.append(str(Path(scene).resolve()))
     unit = UsdGeom.GetStageMetersPerUnit(below)

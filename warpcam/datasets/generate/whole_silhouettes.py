@@ -44,6 +44,7 @@ class WholeSilhouettes:
                 background=None,
                 exposure=None,
                 gain=None,
+                tone_mapping="clip",
             )
             for camera in cameras
         ]

@@ -1,12 +1,14 @@
 """Livox's lidars, whose rays never repeat, from the maker's own tables."""
 
+import io
 import math
 import warnings
 from pathlib import Path
 
 import numpy as np
 
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import Limits, read_named
 from warpcam.sensors.patterns.pattern import Pattern, count_of, positive
 
 
@@ -18,6 +20,7 @@ def livox_csv(
     rows: int = 4,
     min_range: float = 0.0,
     max_range: float = math.inf,
+    limits: Limits | None = None,
 ) -> Pattern:
     """Return a pattern whose rays come from a table: each read takes the next ``samples``, and begins anew at its end.
 
@@ -34,6 +37,7 @@ def livox_csv(
             rows at a time, so 4 takes least time. It must divide ``samples``.
         min_range: Nothing nearer gives a return [m].
         max_range: Nothing farther gives a return [m].
+        limits: Of the file's size; None is ``warpcam.Limits()``.
 
     Raises:
         WarpcamError: The file cannot be read, or has fewer rays than ``samples``.
@@ -46,8 +50,11 @@ def livox_csv(
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of a file without lines, whose shape tells it below
-            numbers = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-    except (OSError, ValueError) as error:
+            text = read_named(path, limits, "livox_csv").decode()  # numpy would unpack archives, and ask the network
+            numbers = np.loadtxt(io.StringIO(text), delimiter=",", skiprows=1, ndmin=2)
+    except RefusedError:
+        raise
+    except (OSError, TypeError, ValueError) as error:
         raise WarpcamError(f"{where}: cannot be read: {error}") from None
     if numbers.shape[1:] != (3,) or len(numbers) < samples or not np.isfinite(numbers).all():
         raise WarpcamError(

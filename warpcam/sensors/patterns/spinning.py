@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from warpcam.core.arrays import as_numbers
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import Limits, read_named
 from warpcam.sensors.patterns.pattern import Pattern, columns_of, number_of, positive
 
 OUSTER_MODES = ((512, 10), (512, 20), (1024, 10), (1024, 20), (2048, 10))  # columns and rate
@@ -124,7 +125,9 @@ def ouster_os2(channels: int = 128, columns: int = 1024, rate: float = 10.0) -> 
     return _ouster("ouster_os2", 22.5, channels, columns, rate, (0.7, 200.0))
 
 
-def ouster_metadata(path: str | Path, *, min_range: float = 0.0, max_range: float = math.inf) -> Pattern:
+def ouster_metadata(
+    path: str | Path, *, min_range: float = 0.0, max_range: float = math.inf, limits: Limits | None = None
+) -> Pattern:
     """Return the calibrated pattern of one Ouster, from the metadata that the device gives.
 
     Columns are those of the device: all beams of a column are sent at one time, each at its own azimuth. Beams begin
@@ -135,13 +138,16 @@ def ouster_metadata(path: str | Path, *, min_range: float = 0.0, max_range: floa
         path: A JSON file with ``beam_altitude_angles``, ``beam_azimuth_angles`` and ``lidar_mode``, at any depth.
         min_range: Nothing nearer gives a return [m].
         max_range: Nothing farther gives a return [m].
+        limits: Of the file's size; None is ``warpcam.Limits()``.
 
     Raises:
         WarpcamError: The file cannot be read or lacks one of these.
     """
     where = f"ouster_metadata: {path}"
     try:
-        data = json.loads(Path(path).read_text())
+        data = json.loads(read_named(path, limits, "ouster_metadata"))
+    except RefusedError:
+        raise
     except (OSError, TypeError, ValueError, RecursionError) as error:
         raise WarpcamError(f"{where}: cannot be read: {error}") from None
     found = {name: _find(data, name) for name in ("beam_altitude_angles", "beam_azimuth_angles", "lidar_mode")}

@@ -13,11 +13,12 @@ from warpcam.camera.lens import Pinhole
 from warpcam.core import torch_interop
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
+from warpcam.core.memory_errors import memory_told
+from warpcam.core.seeds import seeds_of
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.render.memory import Memory, estimate_memory, require_free
 from warpcam.scene.scene import Scene
 from warpcam.sensors.effect import parameter_array, parameters_of, world_numbers
-from warpcam.sensors.seeds import seeds_of
 from warpcam.sensors.stereo.dot_projector import DotProjector
 from warpcam.sensors.stereo.infrared_noise import InfraredNoise
 from warpcam.sensors.stereo.matching import StereoMatching
@@ -77,9 +78,10 @@ class StereoCamera:
         memory: What was allocated for it all; its parameters aside.
 
     Raises:
-        WarpcamError: An argument does not fit, or more memory is needed than the device has free.
+        WarpcamError: An argument does not fit; ``OutOfMemoryError`` if the device has too little memory free.
     """
 
+    @memory_told("StereoCamera")
     def __init__(
         self,
         scene: Scene,

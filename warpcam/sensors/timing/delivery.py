@@ -10,7 +10,7 @@ import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.device import free_bytes
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.effect import Effect, EffectFrame, parameter
@@ -190,7 +190,7 @@ def _check_room(effect: Delivery, sources: Images, where: str) -> None:
             f"bytes, got {effect.capacity}, for which all worlds need {each * effect.capacity:,} bytes"
         )
     if free is not None and each * effect.capacity > free:
-        raise WarpcamError(
+        raise OutOfMemoryError(
             f"{where}: Delivery: capacity must be at most {free // each}, for which there is room, got "
             f"{effect.capacity}; {each * effect.capacity:,} bytes are needed, {free:,} are free on {device}"
         )

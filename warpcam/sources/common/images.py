@@ -11,7 +11,8 @@ from PIL import Image, UnidentifiedImageError
 
 from warpcam.core import torch_interop
 from warpcam.core.color import encoded_beyond, srgb_to_linear
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import FileAccess, Limits
 from warpcam.textures.pack import TextureImage
 
 MAX_TILES = 4  # of an image that is repeated in another way than the kernels do, along each side
@@ -23,25 +24,50 @@ ENCODED = np.rint(255.0 * encoded_beyond(TRANSFER)).astype(np.uint8)
 LINEAR = srgb_to_linear(TRANSFER)
 
 
+# Formats of Pillow that are read; others start programs (EPS) or name other files.
+FORMATS = ("AVIF", "BMP", "DDS", "GIF", "JPEG", "JPEG2000", "PCX", "PNG", "PPM", "SGI", "TGA", "TIFF", "WEBP")
+
+
 class UnreadableError(Exception):
     """An image cannot be read; the text says why."""
 
 
-def decoded(data: bytes) -> np.ndarray:
+def decoded(data: bytes, access: FileAccess, name: str) -> np.ndarray:
     """Pixels of an image file, (height, width, 1, 3 or 4) uint8.
 
+    Args:
+        data: Of the file.
+        access: Of the scene: limits of sizes, which count before pixels are decoded.
+        name: Of the file, for messages.
+
     Raises:
-        UnreadableError: Nothing here knows the format, or it is broken or too large.
+        RefusedError: It is too large.
+        UnreadableError: Nothing here knows the format, or it is broken.
     """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(io.BytesIO(data)) as image:
+            with Image.open(io.BytesIO(data), formats=FORMATS) as image:
+                check_pixels(image, access, name)
                 return pixels_of(image)
+    except RefusedError:
+        raise
+    except Image.DecompressionBombError as error:
+        most = access.limits.image_pixels
+        raise RefusedError(
+            f"{name}: {error}: Pillow's own, by PIL.Image.MAX_IMAGE_PIXELS; image_pixels of limits is {most:,}; if "
+            "that is meant, give both, the latter by limits=warpcam.Limits(image_pixels=...)"
+        ) from None
     except UnidentifiedImageError:
         raise UnreadableError("its format is not known") from None
-    except (OSError, ValueError, SyntaxError, MemoryError, Image.DecompressionBombError) as error:
+    except (OSError, ValueError, SyntaxError, MemoryError) as error:
         raise UnreadableError(" ".join(str(error).split())) from None
+
+
+def check_pixels(image: Image.Image, access: FileAccess, name: str) -> None:
+    """Raise ``RefusedError`` if an image, whose header is read, is too large to be decoded."""
+    access.check("image_pixels", image.width * image.height, name)
+    access.take(4 * image.width * image.height, name)
 
 
 def pixels_of(image: Image.Image) -> np.ndarray:
@@ -57,17 +83,23 @@ def pixels_of(image: Image.Image) -> np.ndarray:
     return pixels[..., None] if pixels.ndim == 2 else pixels
 
 
-def named_images(images: Mapping[str, Any]) -> dict[str, TextureImage]:
-    """A user's images, by the names that he gives them: paths, or arrays (height, width, 1, 3 or 4) uint8."""
+def named_images(images: Mapping[str, Any], limits: Limits) -> dict[str, TextureImage]:
+    """A user's images, by the names that he gives them: paths, or arrays (height, width, 1, 3 or 4) uint8.
+
+    The paths are the user's own, and may lead anywhere.
+    """
+    access = FileAccess(None, trusted=True, limits=limits)
     if not isinstance(images, Mapping):
         raise WarpcamError(f"textures must map names to images, got {type(images).__name__}")
     found = {}
     for name, image in images.items():
         if isinstance(image, str | Path):
             try:
-                pixels = decoded(Path(image).read_bytes())
+                pixels = decoded(access.read(Path(image)), access, f"textures: {name!r}: {str(image)!r}")
             except OSError as error:
-                raise WarpcamError(f"textures: {name!r}: {str(image)!r} cannot be read: {error.strerror}") from None
+                raise WarpcamError(
+                    f"textures: {name!r}: {str(image)!r} cannot be read: {error.strerror or error}"
+                ) from None
             except UnreadableError as error:
                 raise WarpcamError(f"textures: {name!r}: {str(image)!r} cannot be read: {error}") from None
         else:

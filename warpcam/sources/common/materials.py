@@ -42,6 +42,7 @@ class MaterialRow:
     roughness: float
     metallic: float
     reflectance: float
+    transmission: float
     emissive: tuple[float, float, float]
     textures: tuple[int, ...]  # by their roles
 
@@ -52,12 +53,13 @@ def material_of(look: Material) -> MaterialRow:
     textures[types.ROLE_PACKED], textures[types.ROLE_EMISSION] = look.packed, look.emission_texture
     if look.cutoff <= 0.0:  # what is cut out is no matter of shading
         textures[types.ROLE_OPACITY] = look.opacity_map
-    roughness, metallic, reflectance = (
-        float(np.clip(value, 0.0, 1.0)) for value in (look.roughness, look.metallic, look.reflectance)
+    roughness, metallic, reflectance, transmission = (
+        float(np.clip(value, 0.0, 1.0))
+        for value in (look.roughness, look.metallic, look.reflectance, look.transmission)
     )
     red, green, blue = (max(float(value), 0.0) for value in look.emission)
     reflectance = types.UNLIT if look.unlit else reflectance
-    return MaterialRow(roughness, metallic, reflectance, (red, green, blue), tuple(textures))
+    return MaterialRow(roughness, metallic, reflectance, transmission, (red, green, blue), tuple(textures))
 
 
 def color_of(

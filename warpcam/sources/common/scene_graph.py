@@ -72,6 +72,7 @@ class Material:
         roughness: In [0, 1]; a factor of its map, as are the next two.
         metallic: In [0, 1].
         reflectance: Where light falls straight, of what is no metal: 0.04 for an index of refraction of 1.5.
+        transmission: Share of what is not reflected that goes through as in glass, in [0, 1]; only for paths of light.
         emission: RGB.
         texture: Index of the image of its colour, or -1.
         normals: Index of the map of its normals, or -1; see ``kernels/types.py``, ROLE_NORMAL.
@@ -89,6 +90,7 @@ class Material:
     roughness: float = 0.5
     metallic: float = 0.0
     reflectance: float = 0.04
+    transmission: float = 0.0
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
     texture: int = -1
     normals: int = -1

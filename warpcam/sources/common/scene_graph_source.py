@@ -99,6 +99,7 @@ class SceneGraphSource:
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
             physical=True,
             maps=any(index >= 0 for look in graph.materials for index in look.maps),
+            transmissive=tuple(dict.fromkeys(look.name for look in graph.materials if look.transmission > 0.0)),
             layers=transparent_layers(
                 self._types,
                 drawn,
@@ -227,7 +228,7 @@ class SceneGraphSource:
         arrays["headlight"] = wp.array(headlight, dtype=wp.vec3, device=self.device)
         described = [materials.material_of(look) for look in self.graph.materials]
         self._put("material_color", [materials.UNSET] * len(described))
-        for name in ("roughness", "metallic", "reflectance", "emissive"):
+        for name in ("roughness", "metallic", "reflectance", "transmission", "emissive"):
             self._put(f"material_{name}", [getattr(material, name) for material in described])
         roles = arrays["material_texture"].shape[2]
         self._put("material_texture", [material.textures[:roles] for material in described])

@@ -2,6 +2,7 @@
 
 import io
 import warnings
+import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,9 @@ from xml.etree import ElementTree
 import collada
 import numpy as np
 
+from warpcam.core.errors import RefusedError
+from warpcam.core.file_access import FileAccess
+from warpcam.sources.common import plain_xml
 from warpcam.sources.common.geometry import MeshGeometry, unit
 from warpcam.sources.common.images import TRANSFER, UnreadableError, corner_colors, decoded
 from warpcam.sources.common.materials import BARE, WHITE
@@ -30,7 +34,12 @@ SHADED = {"emission": "emission", "bumpmap": "bump map", "specular": "specular c
 
 
 def read(
-    path: Path, graph: SceneGraph, collector: WarningCollector, meters_per_unit: float | None, up_axis: str | None
+    path: Path,
+    graph: SceneGraph,
+    collector: WarningCollector,
+    access: FileAccess,
+    meters_per_unit: float | None,
+    up_axis: str | None,
 ) -> np.ndarray:
     """Add what a file's scene shows below the graph's root.
 
@@ -38,6 +47,7 @@ def read(
         path: The file.
         graph: Its first node is the root.
         collector: Hears of what is not drawn.
+        access: What the file may open.
         meters_per_unit: In place of the file's own unit.
         up_axis: "Z" turns what has another axis up; None keeps the file's own axes.
 
@@ -45,15 +55,20 @@ def read(
         The matrix from the file's units and axes to metres, (4, 4).
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, something is too large, or the file is an archive.
         Exception: pycollada cannot read the file.
     """
+    data = access.read(path)
+    if zipfile.is_zipfile(io.BytesIO(data)):  # which pycollada would unpack
+        raise RefusedError(f"{path}: is an archive; unpack it, and give the .dae file in it")
+    plain_xml.check(data, path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of numpy, for pycollada's own code
-        file = collada.Collada(str(path), ignore=[collada.common.DaeError])
+        file = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
         if any(isinstance(error, collada.common.DaeBrokenRefError) for error in file.errors):
-            errors, file = file.errors, _without_broken_materials(path, {str(kept.id) for kept in file.materials})
+            errors, file = file.errors, _without_broken_materials(data, {str(kept.id) for kept in file.materials})
             file.errors[:] = errors
-        _Reader(path, file, graph, collector).read()
+        _Reader(path, file, graph, collector, access).read()
     info = file.assetInfo
     size = meters_per_unit if meters_per_unit is not None else info.unitmeter
     root = np.eye(4) * (1.0 if size is None or not np.isfinite(size) or size <= 0.0 else float(size))
@@ -61,9 +76,9 @@ def read(
     return root @ AXES.get(str(info.upaxis), np.eye(4)) if up_axis == "Z" else root
 
 
-def _without_broken_materials(path: Path, known: set[str]) -> Any:
+def _without_broken_materials(data: bytes, known: set[str]) -> Any:
     """The file again without references to unknown materials, with which pycollada leaves out what has them."""
-    tree = ElementTree.fromstring(path.read_bytes())
+    tree = ElementTree.fromstring(data)
     for parent in tree.iter():
         for child in list(parent):
             if child.tag.endswith("}instance_material") and child.get("target", "").lstrip("#") not in known:
@@ -77,6 +92,7 @@ class _Reader:
     file: Any
     graph: SceneGraph
     collector: WarningCollector
+    access: FileAccess
     looks: dict[str, int] = field(default_factory=dict)
     images: dict[str, np.ndarray | None] = field(default_factory=dict)
     textures: dict[tuple[str, bool], int] = field(default_factory=dict)
@@ -222,7 +238,7 @@ class _Reader:
         if path not in self.images:
             self.images[path] = None
             try:
-                self.images[path] = decoded(self._found(path).read_bytes())
+                self.images[path] = decoded(self.access.read(self._found(path)), self.access, path)
             except OSError:
                 what = "a file is not found; if it is a texture, its material is drawn in its base colour"
                 self.collector.warn(what, path or name)
@@ -234,10 +250,8 @@ class _Reader:
     def _found(self, written: str) -> Path:
         here = self.path.resolve().parent
         plain = written.removeprefix("file://").replace("\\", "/")
-        for place in (written, unquote(plain), unquote(plain).lstrip("/"), Path(unquote(plain)).name):
-            if place and (here / place).is_file():
-                return here / place
-        return here / written
+        names = (written, unquote(plain), unquote(plain).lstrip("/"), Path(unquote(plain)).name)
+        return self.access.find(here, *filter(None, names))
 
     def _texture(self, name: str, pixels: np.ndarray, color: bool = True) -> int:
         self.graph.textures.append(TextureImage("2d", np.ascontiguousarray(pixels), blend_light=color))

@@ -9,7 +9,8 @@ from urllib.parse import unquote, unquote_to_bytes
 
 import numpy as np
 
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import FileAccess
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -30,14 +31,16 @@ class Document:
     Attributes:
         path: Of the file.
         tree: Its description.
+        access: What it may open.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or something is too large.
         WarpcamError: The file is none, or a buffer of it cannot be read.
     """
 
-    def __init__(self, path: Path):
-        self.path = path
-        data = path.read_bytes()
+    def __init__(self, path: Path, access: FileAccess):
+        self.path, self.access = path, access
+        data = access.read(path)
         self._binary = b""
         if data[:4] == MAGIC:
             data = self._chunks(data)
@@ -71,16 +74,17 @@ class Document:
             return None
         if uri.startswith("data:"):
             head, _, body = uri.partition(",")
+            self.access.take(len(body), f"{self.path}: a data URI")
             try:
                 return base64.b64decode(unquote(body)) if head.endswith(";base64") else unquote_to_bytes(body)
             except ValueError:
                 return None
-        for name in (unquote(uri), uri):
-            try:
-                return (self.path.parent / name).read_bytes()
-            except (OSError, ValueError):
-                continue
-        return None
+        try:
+            return self.access.read(self.access.find(self.path.parent, unquote(uri), uri))
+        except RefusedError:
+            raise
+        except (OSError, ValueError):
+            return None
 
     def view(self, index: Any) -> bytes:
         """The bytes of a view of a buffer."""
@@ -98,6 +102,7 @@ class Document:
         dtype, width = self._kind(entry, index)
         count = self._count(entry, index)
         if entry.get("bufferView") is None:
+            self.access.take(count * width * dtype.itemsize, f"{self.path}: accessor {index}")
             values = np.zeros((count, width), dtype)
         else:
             values = self._elements(entry, index, count, dtype, width)
@@ -130,6 +135,7 @@ class Document:
             raise WarpcamError(
                 f"{self.path}: accessor {index}: count must be a whole number of at least 0, got {count!r}"
             )
+        self.access.check("elements", count, f"{self.path}: accessor {index}")
         return count
 
     def _elements(

@@ -128,6 +128,7 @@ class MaterialReader:
             roughness=numbers["roughness"],
             metallic=numbers["metallic"],
             reflectance=numbers["reflectance"],
+            transmission=0.0 if is_unlit(said) else self._transmission(said, numbers["metallic"], maps, name),
             emission=(glow[0], glow[1], glow[2]),
             texture=self._texture(name, "color", maps.color),
             normals=self._normals(name, maps.normals, _number(normals.get("scale"), 1.0)),
@@ -138,6 +139,21 @@ class MaterialReader:
         )
         mode, cutoff = str(said.get("alphaMode")), _number(said.get("alphaCutoff"), 0.5)
         return _Said(look, maps, factor[3], mode, cutoff, said.get("doubleSided") is True)
+
+    def _transmission(self, said: Mapping[str, Any], metallic: float, maps: _Maps, name: str) -> float:
+        """KHR_materials_transmission: the factor, of the share that is no metal, which lets no light through."""
+        given = _mapping(extension(said, "KHR_materials_transmission"))
+        factor = float(np.clip(_number(given.get("transmissionFactor"), 0.0), 0.0, 1.0))
+        if factor > 0.0 and "transmissionTexture" in given:
+            self._collector.warn("has a map of transmission, which is not read: its factor counts everywhere", name)
+        if factor > 0.0 and maps.rough is not None:
+            metal = _channels(maps.rough)[..., 2]
+            metallic *= float(metal.mean())
+            if np.ptp(metal) > 0.02:
+                self._collector.warn("has transmission and a map of metalness, whose mean counts for it", name)
+        if factor > 0.0 and not _number(_mapping(extension(said, "KHR_materials_volume")).get("thicknessFactor"), 0.0):
+            self._collector.remark("has transmission without a thickness, and is drawn as a body that refracts", name)
+        return factor * (1.0 - float(np.clip(metallic, 0.0, 1.0)))
 
     def _with_opacity(self, said: _Said, alpha: float) -> Material:
         """The look with its opacity, times that of a mesh."""
@@ -227,7 +243,8 @@ class MaterialReader:
             try:
                 if data is None:
                     raise UnreadableError(f"{str(uri)[:200]}: no such file")
-                return decoded(data)
+                named = f"{self._document.path}: image {place}" if uri is None or uri.startswith("data:") else uri
+                return decoded(data, self._document.access, named)
             except UnreadableError as error:
                 faults.append(str(error))
         reason = "; ".join(dict.fromkeys(faults)) or "it names no image"

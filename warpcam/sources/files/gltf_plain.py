@@ -84,6 +84,7 @@ class _Writer:
         self._data += b"\0" * (-len(self._data) % 4)
         views = self._tree.setdefault("bufferViews", [])
         views.append({"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)})
+        self._document.access.take(len(data), f"{self._document.path}: a copy of a buffer")
         self._data += data
         return len(views) - 1
 
@@ -218,7 +219,9 @@ class _Writer:
             return
         arrays = {key: self._document.accessor(index) for key, index in (found.get("attributes") or {}).items()}
         nodes, mesh = self._tree["nodes"], node.pop("mesh")
-        for place in range(max((len(values) for values in arrays.values()), default=0)):
+        count = max((len(values) for values in arrays.values()), default=0)
+        self._document.access.check("copies", count, f"{self._document.path}: {INSTANCES}")
+        for place in range(count):
             instance: dict[str, Any] = {"mesh": mesh, "name": f"{node.get('name') or 'instance'} {place}"}
             for key, word in (("TRANSLATION", "translation"), ("ROTATION", "rotation"), ("SCALE", "scale")):
                 if key in arrays:

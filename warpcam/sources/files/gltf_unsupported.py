@@ -19,6 +19,7 @@ READ = (
     "KHR_materials_unlit",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_transmission",  # a map of it is told of
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_node_visibility",
     "KHR_lights_punctual",  # told of if there are any

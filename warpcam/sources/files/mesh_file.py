@@ -13,6 +13,7 @@ from PIL import Image
 
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.sources.common import materials
 from warpcam.sources.common.gaussian_cloud import CloudGeometry, cloud_of_ply
@@ -42,12 +43,13 @@ def load(
     up_axis: str | None,
     textures: Mapping[str, Any],
     transparency: bool | None,
+    access: FileAccess,
     add: Callable[[SceneGraph], None] | None = None,
 ) -> DrivenScene:
-    images, where = named_images(textures), device_rule.resolve(device)
+    images, where = named_images(textures, access.limits), device_rule.resolve(device)
     collector = WarningCollector(str(path))
     try:
-        graph = read_graph(path, collector, meters_per_unit, up_axis)
+        graph = read_graph(path, collector, access, meters_per_unit, up_axis)
     finally:
         collector.say()
     if add is not None:
@@ -59,11 +61,16 @@ def load(
 
 
 def read_graph(
-    path: Path, collector: WarningCollector, meters_per_unit: float | None = None, up_axis: str | None = "Z"
+    path: Path,
+    collector: WarningCollector,
+    access: FileAccess,
+    meters_per_unit: float | None = None,
+    up_axis: str | None = "Z",
 ) -> SceneGraph:
     """Read a file of meshes; ``meters_per_unit`` and ``up_axis`` as ``warpcam.load`` has them.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or something is too large.
         WarpcamError: The file cannot be read, or shows nothing.
     """
     kind = path.suffix.lower()
@@ -72,25 +79,28 @@ def read_graph(
     with _heard(collector) as heard:
         try:
             if kind == ".dae":
-                return _collada(path, collector, meters_per_unit, up_axis)
+                return _collada(path, collector, access, meters_per_unit, up_axis)
             root = np.eye(4) * (1.0 if meters_per_unit is None else float(meters_per_unit))
             root[3, 3] = 1.0
             if kind == ".msh":
-                shape = ShapeInstance(f"/{path.stem}", 0, msh.read(path))
+                shape = ShapeInstance(f"/{path.stem}", 0, msh.read(path, access))
                 return SceneGraph(str(path), [FrameNode("/", -1, root)], [shape])
-            resolver, document = Resolver(path, collector), None
-            source: Any = str(path)
+            document: Document | None = None
             painted: np.ndarray | None = None
+            data = access.read(path) if kind in (".obj", ".ply") else b""
+            resolver = Resolver(path, access, data, collector)
+            options = {"fix_texture": _has_texture(data)} if kind == ".ply" else {}
             if kind == ".stl":
-                data = stl.triangles_of(path, collector)
-                source, painted = io.BytesIO(data), stl.colors_of(data)
+                data = stl.triangles_of(path, access, collector)
+                painted = stl.colors_of(data)
             elif kind in (".obj", ".ply"):
-                source = io.BytesIO(resolver.text.encode() if kind == ".obj" else ply.readable(path))
-            elif kind in GLTF:
-                document = Document(path)
+                data = resolver.text.encode() if kind == ".obj" else ply.readable(path, data, access)
+            else:
+                document = Document(path, access)
                 gltf_unsupported.tell(document, collector)
-                source, kind = io.BytesIO(gltf_plain.plain(document, collector)), ".glb"
-            scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **_options(path))
+                data, kind = gltf_plain.plain(document, collector), ".glb"
+            source = io.BytesIO(data)
+            scene = trimesh.load_scene(source, file_type=kind[1:], process=False, resolver=resolver, **options)
         except WarpcamError:
             raise
         except MemoryError:
@@ -98,11 +108,13 @@ def read_graph(
         except Exception as error:  # whatever a broken file makes a parser raise
             reader = "pycollada" if kind == ".dae" else "trimesh"
             raise WarpcamError(f"{path}: {reader} cannot read it: {type(error).__name__}: {error}"[:500]) from None
+        if resolver.refused is not None:
+            raise resolver.refused
         missing = next((text for text in heard if "didn't decode" in text), None)
         if missing is not None:  # it goes on with zeros
             raise WarpcamError(f"{path}: trimesh cannot decode it, a package may be missing: {missing}")
         graph = SceneGraph(str(path), [FrameNode("/", -1, root @ Y_UP if document and up_axis == "Z" else root)])
-        _Reader(scene, graph, document, collector, resolver, painted).read()
+        _Reader(scene, graph, document, collector, access, resolver, painted).read()
     clouds = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.PointCloud)]
     if not graph.items and clouds:
         count = sum(len(cloud.vertices) for cloud in clouds)
@@ -115,22 +127,20 @@ def read_graph(
     return graph
 
 
-def _collada(path: Path, collector: WarningCollector, meters_per_unit: float | None, up_axis: str | None) -> SceneGraph:
+def _collada(
+    path: Path, collector: WarningCollector, access: FileAccess, meters_per_unit: float | None, up_axis: str | None
+) -> SceneGraph:
     collada_file = import_source("files.collada_file", "meshes")
     graph = SceneGraph(str(path), [FrameNode("/", -1, np.eye(4))])
-    graph.nodes[0].local = collada_file.read(path, graph, collector, meters_per_unit, up_axis)
+    graph.nodes[0].local = collada_file.read(path, graph, collector, access, meters_per_unit, up_axis)
     if not graph.items:
         raise WarpcamError(f"{path}: has no triangles that can be drawn")
     return graph
 
 
-def _options(path: Path) -> dict[str, Any]:
-    """Options of trimesh's reader: vertices of a PLY file are left as they are where no image needs others."""
-    if path.suffix.lower() != ".ply":
-        return {}
-    with path.open("rb") as file:
-        head = file.read(1 << 16).split(b"end_header")[0].lower()
-    return {"fix_texture": b"texturefile" in head}
+def _has_texture(data: bytes) -> bool:
+    """Return True if a PLY file names an image: without one, trimesh is to leave its vertices as they are."""
+    return b"texturefile" in data[: 1 << 16].split(b"end_header")[0].lower()
 
 
 class _Reader:
@@ -140,6 +150,7 @@ class _Reader:
         graph: SceneGraph,
         document: Document | None,
         collector: WarningCollector,
+        access: FileAccess,
         resolver: Resolver,
         painted: np.ndarray | None,
     ):
@@ -148,7 +159,7 @@ class _Reader:
         self._gltf = None if document is None else gltf_materials.MaterialReader(document, graph, collector)
         self._wrapped = WrappedLooks(graph)
         self._library, self._resolver = resolver.library, resolver
-        self._obj_looks = mtl.LookReader(resolver.library, resolver.found, self._texture, collector)
+        self._obj_looks = mtl.LookReader(resolver.library, resolver.found, access, self._texture, collector)
         self._obj: dict[str, tuple[int, mtl.ObjLook]] = {}
         self._nodes: dict[Any, int] = {scene.graph.base_frame: 0}
         self._read: dict[Any, tuple[Geometry, int, Any] | None] = {}

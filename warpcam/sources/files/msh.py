@@ -5,24 +5,28 @@ from pathlib import Path
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.geometry import MeshGeometry, unit
 
 HEADER = 16  # bytes: numbers of vertices, normals, texture coordinates and faces
 GMSH = b"$MeshFormat"
 
 
-def read(path: Path) -> MeshGeometry:
+def read(path: Path, access: FileAccess) -> MeshGeometry:
     """Read a file; its unit is the metre.
 
     Raises:
+        RefusedError: The file, or what its header says, is too large.
         WarpcamError: The file is none, or has no faces.
     """
-    data = path.read_bytes()
+    data = access.read(path)
     if data.lstrip().startswith(GMSH):
         raise WarpcamError(f"{path}: is a file of Gmsh; read are MuJoCo's binary .msh files")
     if len(data) < HEADER:
         raise WarpcamError(f"{path}: is no .msh file: it has {len(data)} bytes, and a header alone has {HEADER}")
     points, normals, coordinates, count = (int(number) for number in np.frombuffer(data, "<i4", 4))
+    for what, number in (("vertices", points), ("faces", count)):
+        access.check("elements", number, f"{path}: its header says of {what} that it")
     sizes = (3 * points, 3 * normals, 2 * coordinates, 3 * count)
     expected = HEADER + 4 * sum(sizes)
     if min(sizes) < 0 or normals not in (0, points) or coordinates not in (0, points) or expected != len(data):

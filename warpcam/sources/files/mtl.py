@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.images import UnreadableError, decoded
 from warpcam.sources.common.materials import BARE, WHITE
 from warpcam.sources.common.opacity import opacity_of
@@ -118,6 +119,7 @@ class LookReader:
     Args:
         library: Of ``read_libraries``.
         read: Gives a file's contents, or None if there is none.
+        access: Limits of sizes.
         texture: Adds an image to the scene: its name, its pixels, whether it is one of colours. Returns its index.
         collector: Hears of what is not drawn.
     """
@@ -126,10 +128,12 @@ class LookReader:
         self,
         library: Mapping[str, Mapping[str, str]],
         read: Callable[[str], bytes | None],
+        access: FileAccess,
         texture: Callable[[str, np.ndarray, bool], int],
         collector: WarningCollector,
     ):
         self._library, self._read, self._texture, self._collector = library, read, texture, collector
+        self._access = access
         self._images: dict[str, np.ndarray | None] = {}
 
     def look(self, name: str) -> ObjLook:
@@ -178,7 +182,7 @@ class LookReader:
             data, pixels = self._read(found.file), None
             if data is not None:
                 try:
-                    pixels = decoded(data)
+                    pixels = decoded(data, self._access, found.file)
                 except UnreadableError as error:
                     what = f"a texture cannot be read ({error}), and its material is drawn in its base colour"
                     self._collector.warn(what, found.file)

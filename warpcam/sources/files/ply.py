@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -34,17 +35,20 @@ class _Element:
         return any(length for _, length in self.properties.values())
 
 
-def readable(path: Path) -> bytes:
+def readable(path: Path, data: bytes, access: FileAccess) -> bytes:
     """A file's bytes, with triangles for its faces where trimesh needs that.
 
     Raises:
+        RefusedError: The header says of more elements than there may be.
         WarpcamError: The file ends too early.
     """
-    data = path.read_bytes()
     end = data.find(b"end_header")
     lines = [line.split() for line in data[: max(end, 0)].decode("latin-1").splitlines()]
     form = next((words[1] for words in lines if words[:1] == ["format"] and len(words) > 1), "")
     elements = _elements(lines)
+    for words in lines:
+        if words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
+            access.check("elements", int(words[2]), f"{path}: its header says of {words[1]!r} that it")
     faces = next((element for element in elements if element.name in ("face", STRIPS)), None)
     if form not in ORDERS or faces is None or not set(INDICES) & set(faces.properties):
         return data

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.warnings import WarningCollector
 
 HEADER, TRIANGLE = 84, 50  # bytes
@@ -13,14 +14,15 @@ COLOR = b"COLOR="
 TEXT = re.compile(rb"\s*solid\b[^\0]{0,4096}?\b(facet|endsolid)\b", re.DOTALL)
 
 
-def triangles_of(path: Path, collector: WarningCollector) -> bytes:
+def triangles_of(path: Path, access: FileAccess, collector: WarningCollector) -> bytes:
     """Return a file's bytes, without those that follow on its last triangle."""
-    data = path.read_bytes()
+    data = access.read(path)
     if TEXT.match(data):
         return data
     if len(data) < HEADER:
         raise WarpcamError(f"{path}: is no STL file: it has {len(data)} bytes, and a header alone has {HEADER}")
     count = int.from_bytes(data[80:84], "little")
+    access.check("elements", count, f"{path}: its header says of triangles that it")
     end = HEADER + TRIANGLE * count
     if end > len(data):
         raise WarpcamError(

@@ -10,7 +10,8 @@ import numpy as np
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
-from warpcam.sources.mujoco import urdf
+from warpcam.core.file_access import FileAccess
+from warpcam.sources.mujoco import mjcf_files, urdf
 
 # How far a joint without limits is moved at most.
 LOOSE_HINGE = 0.4  # [rad]
@@ -32,14 +33,21 @@ class MujocoBatch:
 
 
 def load(
-    path: Path, *, num_worlds: int, seed: int | None, device: wp.Device, packages: Mapping[str, Path] | None = None
+    path: Path,
+    *,
+    num_worlds: int,
+    seed: int | None,
+    device: wp.Device,
+    packages: Mapping[str, Path] | None = None,
+    access: FileAccess | None = None,
 ) -> MujocoBatch:
     """Read an MJCF or URDF file (or .mjb) and put `num_worlds` worlds of it on the device, posed and ready to be seen.
 
     World 0 is the scene as the file has it, with its first keyframe if there is one; the joints of the others
-    are random within their ranges, or the same without a seed. ``packages`` are folders that a URDF file names.
+    are random within their ranges, or the same without a seed. ``packages`` are folders that a URDF file names;
+    ``access`` is what files may be opened, by default as ``warpcam.load`` has it.
     """
-    host, state = read(path, packages)
+    host, state = read(path, packages, access)
     batch = put(host, state, num_worlds=num_worlds, device=device, path=path)
     if seed is not None:
         batch.data.qpos.assign(joint_positions(host, state.qpos, num_worlds=num_worlds, seed=seed))
@@ -69,15 +77,20 @@ def forward(batch: MujocoBatch) -> None:
         mjw.camlight(batch.model, batch.data)
 
 
-def read(path: Path, packages: Mapping[str, Path] | None = None) -> tuple[Any, Any]:
+def read(path: Path, packages: Mapping[str, Path] | None = None, access: FileAccess | None = None) -> tuple[Any, Any]:
     """The host's model and state of an MJCF or URDF file (or .mjb), at its first keyframe if there is one."""
     mujoco = _needed("mujoco")
+    access = access or FileAccess(path)
     try:
         if path.suffix.lower() == ".urdf":
-            host = urdf.load(path, packages)
+            host = urdf.load(path, access, packages)
+        elif path.suffix.lower() == ".mjb":
+            access.check_file(path)
+            host = mujoco.MjModel.from_binary_path(str(path))
         else:
-            model = mujoco.MjModel
-            host = (model.from_binary_path if path.suffix.lower() == ".mjb" else model.from_xml_path)(str(path))
+            host = mjcf_files.read_spec(path, access).compile()
+    except WarpcamError:
+        raise
     except ValueError as error:
         raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
     state = mujoco.MjData(host)
@@ -85,13 +98,15 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> tuple[Any, A
     return host, state
 
 
-def read_spec(path: Path) -> Any:
+def read_spec(path: Path, access: FileAccess) -> Any:
     """The MjSpec of an MJCF or URDF file, for changes before it is compiled."""
-    mujoco = _needed("mujoco")
+    _needed("mujoco")
     if path.suffix.lower() == ".mjb":
         raise WarpcamError(f"scene: {str(path)!r} is compiled, and cannot be changed; give the .xml or .urdf file")
     try:
-        return urdf.load_spec(path) if path.suffix.lower() == ".urdf" else mujoco.MjSpec.from_file(str(path))
+        return (urdf.load_spec if path.suffix.lower() == ".urdf" else mjcf_files.read_spec)(path, access)
+    except WarpcamError:
+        raise
     except ValueError as error:
         raise WarpcamError(f"scene: MuJoCo cannot read {str(path)!r}: {' '.join(str(error).split())}") from None
 

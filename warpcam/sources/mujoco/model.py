@@ -1,5 +1,6 @@
 """Constant parts of a MuJoCo model, and the names of those that change."""
 
+import functools
 import logging
 import operator
 from collections.abc import Collection, Mapping, Sequence
@@ -14,6 +15,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.types import BOX, LIGHT_DIRECTIONAL, LIGHT_SPOT, MESH, PLANE
 from warpcam.scene.source import SceneCamera, SceneDescription
+from warpcam.sources.mujoco.physical import has_maps, physical_arrays
 from warpcam.textures.pack import TextureImage
 
 VERSION = tuple(int(part) for part in mujoco.__version__.split(".")[:2])
@@ -95,6 +97,7 @@ def read_description(
     textures = [_texture(mjm, index) for index in range(mjm.ntex)]
     coincident = _coincident(mjm, geoms)
     skyboxes = np.flatnonzero(mjm.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+    skybox = int(skyboxes[0]) if len(skyboxes) else -1
     return SceneDescription(
         num_worlds=num_worlds,
         shape_types=types,
@@ -109,7 +112,9 @@ def read_description(
         textures=textures,
         flags=_flags(textures) | (SceneFlag.COINCIDENT if len(coincident) else SceneFlag(0)),
         coincident=coincident,
-        skybox=int(skyboxes[0]) if len(skyboxes) else -1,
+        skybox=skybox,
+        maps=has_maps(mjm),
+        as_physical=functools.partial(physical_arrays, mjm, textures, skybox, num_worlds, mjm.nlight),
         horizon=float(mjm.vis.map.zfar * mjm.stat.extent),
         shadow_map=(
             float(mjm.vis.map.shadowclip * mjm.stat.extent),

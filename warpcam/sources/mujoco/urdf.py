@@ -11,12 +11,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import FileAccess, is_file
 from warpcam.sources.common.images import UnreadableError, decoded
+from warpcam.sources.common.plain_xml import root_of
 from warpcam.sources.common.warnings import WarningCollector
+from warpcam.sources.mujoco import mjcf_files
 from warpcam.sources.robots import meshes
 from warpcam.sources.robots.looks import UrdfLook, look_of, looks_of
-from warpcam.sources.robots.packages import find_files, is_file
+from warpcam.sources.robots.packages import find_files
 
 SEEN, HIDDEN = 1, 3  # groups of shapes: that are seen; that are there to be touched, not drawn unless asked for
 ALONE = 0  # group of shapes that are there to be touched, and are drawn
@@ -28,37 +31,36 @@ LEAST = 4  # vertices of a mesh
 MARK = "warpcam shape "
 
 
-def load(path: Path, packages: Mapping[str, Path] | None = None) -> Any:
+def load(path: Path, access: FileAccess | None = None, packages: Mapping[str, Path] | None = None) -> Any:
     """An MjModel whose visual shapes are drawn, and whose collision shapes are if there are no others.
 
-    Meshes are found by the packages that they name, in the folders above the file and in ``ROS_PACKAGE_PATH``. What the
-    file itself tells MuJoCo's compiler counts. A visual shape that cannot be read is left out with a warning, and its
-    link's collision shapes are drawn in its place.
+    Meshes are found by the packages that they name, in the folders above the file and in ``ROS_PACKAGE_PATH``, as far
+    as ``access``, by default that of ``warpcam.load``, lets them be opened. What the file itself tells MuJoCo's
+    compiler counts. A visual shape that cannot be read is left out with a warning, and its link's collision shapes are
+    drawn in its place.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or is too large.
         ValueError: MuJoCo cannot read the file, or nothing of it can be drawn.
     """
-    return _compiled(path, packages)[1]
+    return _compiled(path, access or FileAccess(path), packages)[1]
 
 
-def load_spec(path: Path, packages: Mapping[str, Path] | None = None) -> Any:
+def load_spec(path: Path, access: FileAccess | None = None, packages: Mapping[str, Path] | None = None) -> Any:
     """Return the MjSpec of the model that `load` returns."""
-    return _compiled(path, packages)[0]
+    return _compiled(path, access or FileAccess(path), packages)[0]
 
 
-def _compiled(path: Path, packages: Mapping[str, Path] | None) -> tuple[Any, Any]:
+def _compiled(path: Path, access: FileAccess, packages: Mapping[str, Path] | None) -> tuple[Any, Any]:
     """The MjSpec of a file and its MjModel."""
-    import mujoco
-
     try:
-        robot = ElementTree.fromstring(path.read_bytes())
+        robot = root_of(access.read(path), path)
     except (ElementTree.ParseError, UnicodeError, OSError):  # MuJoCo says it better
-        spec = mujoco.MjSpec.from_file(str(path))
+        robot = None
+    if robot is None or robot.tag != "robot":
+        spec = mjcf_files.read_spec(path, access)
         return spec, spec.compile()
-    if robot.tag != "robot":
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
-        return spec, spec.compile()
-    return _Robot(robot, path, packages or {}).compiled()
+    return _Robot(robot, path, access, packages or {}).compiled()
 
 
 @dataclass(eq=False)
@@ -85,8 +87,8 @@ class _Shape:
 
 
 class _Robot:
-    def __init__(self, robot: ElementTree.Element, path: Path, packages: Mapping[str, Path]):
-        self._path, self._robot = path, robot
+    def __init__(self, robot: ElementTree.Element, path: Path, access: FileAccess, packages: Mapping[str, Path]):
+        self._path, self._robot, self._access = path, robot, access
         self._collector = WarningCollector(str(path))
         self._faults: list[str] = []
         self._read: dict[tuple[Path, tuple[float, ...]], list[meshes.Part] | str] = {}
@@ -142,10 +144,14 @@ class _Robot:
         extension = self._robot.find("mujoco")
         if extension is None:
             extension = ElementTree.SubElement(self._robot, "mujoco")
+        for element in extension.iter():
+            mjcf_files.check_sizes(element.tag, element.attrib, self._path, self._access)
         compiler = extension.find("compiler")
         if compiler is None:
             compiler = ElementTree.SubElement(extension, "compiler")
-        find_files(self._robot, self._path, compiler.get("meshdir", compiler.get("assetdir", ".")), packages)
+        find_files(
+            self._robot, self._path, compiler.get("meshdir", compiler.get("assetdir", ".")), self._access, packages
+        )
         for name, value in SETTINGS.items():
             compiler.set(name, compiler.get(name, value))
         for link in self._robot.iter("link"):
@@ -195,7 +201,9 @@ class _Robot:
             key = shape.file, shape.scale
             if key not in self._read:
                 try:
-                    self._read[key] = meshes.read_parts(shape.file, shape.scale, self._collector)
+                    self._read[key] = meshes.read_parts(shape.file, shape.scale, self._collector, self._access)
+                except RefusedError:
+                    raise
                 except WarpcamError as error:
                     self._read[key] = str(error)
             found = self._read[key]
@@ -296,7 +304,7 @@ class _Robot:
                 self._collector.warn("names a texture that is not there", file)
                 return None
             try:
-                pixels = decoded(Path(file).read_bytes())
+                pixels = decoded(self._access.read(Path(file)), self._access, file)
                 self._images[file] = np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels
             except OSError as error:
                 self._collector.warn(f"names a texture that cannot be read ({error.strerror})", file)

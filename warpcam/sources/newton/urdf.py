@@ -6,7 +6,7 @@ PLY files with texture coordinates are lost there, one mesh that cannot be read 
 """
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,18 +17,29 @@ import newton
 import numpy as np
 import trimesh
 
-from warpcam.core.errors import WarpcamError
+from warpcam.core.errors import RefusedError, WarpcamError
+from warpcam.core.file_access import FileAccess, Limits, is_file
+from warpcam.sources.common.images import UnreadableError, decoded
+from warpcam.sources.common.plain_xml import root_of
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.robots import meshes
 from warpcam.sources.robots.looks import UrdfLook, look_of, looks_of
-from warpcam.sources.robots.packages import check_packages, find_files, is_file
+from warpcam.sources.robots.packages import check_packages, find_files
 
 MOVABLE = ("revolute", "continuous", "prismatic")
 GREY = (0.5, 0.5, 0.5, 1.0)  # of a mesh that says nothing of its colour
 STANDING = np.array(((1, 0, 0), (0, 0, -1), (0, 1, 0)), np.float64)  # y up to z up
 
 
-def add(builder: Any, path: Any, packages: Any, options: Mapping[str, Any]) -> None:
+def add(
+    builder: Any,
+    path: Any,
+    packages: Any,
+    options: Mapping[str, Any],
+    trusted: bool = False,
+    search_paths: Sequence[Any] = (),
+    limits: Limits | None = None,
+) -> None:
     """See ``warpcam.add_urdf``."""
     if not isinstance(builder, newton.ModelBuilder):
         raise WarpcamError(f"add_urdf: builder must be a newton.ModelBuilder, got {type(builder).__name__}")
@@ -37,13 +48,15 @@ def add(builder: Any, path: Any, packages: Any, options: Mapping[str, Any]) -> N
     if not Path(path).is_file():
         raise WarpcamError(f"add_urdf: there is no file {str(path)!r}")
     folders = check_packages(packages, "add_urdf")
-    add_urdf(lambda text: builder.add_urdf(text, **options), builder, Path(path), folders)
+    access = FileAccess(Path(path), trusted, search_paths, limits, "add_urdf")
+    add_urdf(lambda text: builder.add_urdf(text, **options), builder, Path(path), access, folders)
 
 
 def add_urdf(
     add: Callable[[str], Any],
     builder: newton.ModelBuilder,
     path: Path,
+    access: FileAccess,
     packages: Mapping[str, Path] | None = None,
     *,
     standing: bool = False,
@@ -55,16 +68,18 @@ def add_urdf(
         add: Calls the importer with the robot's text.
         builder: What the importer adds to.
         path: A URDF file.
+        access: What it may open.
         packages: Folders of packages.
         standing: Whether y is up in files that are there to be seen, but for .dae files.
         in_order: Whether joints are in the order of their names.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or is too large.
         WarpcamError: The file is no URDF file, or has no links.
     """
     collector = WarningCollector(str(path))
     try:
-        robot = ElementTree.fromstring(path.read_bytes())
+        robot = root_of(access.read(path), path)
     except (ElementTree.ParseError, UnicodeError) as error:
         raise WarpcamError(f"{path}: cannot be read, it is no URDF file: {error}") from None
     if robot.tag != "robot":
@@ -73,11 +88,12 @@ def add_urdf(
         raise WarpcamError(f"{path}: has no links, so there is nothing to simulate or to draw")
     if in_order:
         _order(robot)
-    find_files(robot, path, ".", packages)
+    find_files(robot, path, ".", access, packages)
     _drop_mimics(robot, collector)
     try:
+        _check_textures(robot, access, collector)
         with TemporaryDirectory(prefix="warpcam-") as folder:
-            writer = _Writer(robot, Path(folder), collector, standing)
+            writer = _Writer(robot, Path(folder), collector, standing, access)
             writer.rewrite()
             add(ElementTree.tostring(robot, encoding="unicode"))
             for source in builder.shape_source:
@@ -89,6 +105,18 @@ def add_urdf(
                             source.roughness, source.metallic = part.look.roughness, part.look.metallic
     finally:
         collector.say()
+
+
+def _check_textures(robot: ElementTree.Element, access: FileAccess, collector: WarningCollector) -> None:
+    """Take away textures that Newton, which reads every format and size, is not to read."""
+    for material in [element for element in robot.iter("material") if element.find("texture") is not None]:
+        for texture in material.findall("texture"):
+            name = texture.get("filename", "")
+            try:
+                decoded(access.read(Path(name)), access, name)
+            except (OSError, UnreadableError) as error:
+                collector.warn(f"names a texture that cannot be read ({error})", name)
+                material.remove(texture)
 
 
 def _order(robot: ElementTree.Element) -> None:
@@ -124,8 +152,16 @@ class _Writer:
         textured: Parts with images by the file names that stand for those.
     """
 
-    def __init__(self, robot: ElementTree.Element, folder: Path, collector: WarningCollector, standing: bool):
+    def __init__(
+        self,
+        robot: ElementTree.Element,
+        folder: Path,
+        collector: WarningCollector,
+        standing: bool,
+        access: FileAccess,
+    ):
         self._robot, self._folder, self._collector, self._standing = robot, folder, collector, standing
+        self._access = access
         self._named = looks_of(robot)
         self._read: dict[tuple[str, tuple[float, ...]], list[meshes.Part] | str] = {}
         self._files: dict[tuple[int, bool], str] = {}
@@ -161,7 +197,9 @@ class _Writer:
         key = mesh.get("filename", ""), (scale * 3)[:3]
         if key not in self._read:
             try:
-                self._read[key] = meshes.read_parts(Path(key[0]), key[1], self._collector)
+                self._read[key] = meshes.read_parts(Path(key[0]), key[1], self._collector, self._access)
+            except RefusedError:
+                raise
             except WarpcamError as error:
                 self._read[key] = str(error)
         return self._read[key]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, is_file
 from warpcam.sources.common.formats import MESHES, USD
 from warpcam.sources.common.geometry import Primitive
 from warpcam.sources.common.images import resized
@@ -14,7 +15,6 @@ from warpcam.sources.common.materials import color_of
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import Material, SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
-from warpcam.sources.robots.packages import is_file
 
 FORMATS = (*sorted(MESHES), *USD)
 LEAST_AREA = 1e-14  # [m^2]
@@ -45,10 +45,11 @@ class Part:
     front: int
 
 
-def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) -> list[Part]:
+def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector, access: FileAccess) -> list[Part]:
     """Read a file of meshes in its own axes, as programs of ROS do, and in its own unit.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or is too large.
         WarpcamError: The file is not there, cannot be read, or shows nothing.
     """
     if path.suffix.lower() not in FORMATS:
@@ -56,9 +57,9 @@ def read_parts(path: Path, scale: Sequence[float], collector: WarningCollector) 
     if not is_file(path):
         raise WarpcamError(f"{path}: there is no such file")
     if path.suffix.lower() in USD:
-        graph: SceneGraph = import_source("usd.source", "usd").read_file(path, collector)
+        graph: SceneGraph = import_source("usd.source", "usd").read_file(path, collector, access)
     else:
-        graph = import_source("files.mesh_file", "meshes").read_graph(path, collector, None, None)
+        graph = import_source("files.mesh_file", "meshes").read_graph(path, collector, access, None, None)
     stretch, worlds, seen = np.diag(np.asarray(scale, np.float64)), graph.worlds(), graph.seen()
     parts = []
     for item in graph.items:

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 from xml.etree import ElementTree
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 
 FOLDERS_UP = 8  # how far above a file the packages that it names are looked for
 NEAR = 2  # and from how far above in folders beside: further up lies the work of others
@@ -35,7 +36,11 @@ def check_packages(packages: Any, where: str) -> dict[str, Path]:
 
 
 def find_files(
-    robot: ElementTree.Element, path: Path, folder: str = ".", packages: Mapping[str, Path] | None = None
+    robot: ElementTree.Element,
+    path: Path,
+    folder: str,
+    access: FileAccess,
+    packages: Mapping[str, Path] | None = None,
 ) -> None:
     """Give the files that a robot names, those of its meshes and textures, whole paths.
 
@@ -43,60 +48,61 @@ def find_files(
         robot: The root of a URDF file.
         path: Where that is.
         folder: Where its files are looked for first, from there.
+        access: What may be opened: the folders of packages as well, once this is done.
         packages: Folders of packages.
+
+    Raises:
+        RefusedError: A file is only where nothing may be opened.
     """
     here = path.resolve().parent
+    for root in (*(packages or {}).values(), *_roots()):
+        access.allow(root)
     for tag in ("mesh", "texture"):
         for named in robot.iter(tag):
             if name := named.get("filename"):
-                named.set("filename", _found(name, (here / folder, here), packages or {}))
+                named.set("filename", _found(name, (here / folder, here), access, packages or {}))
 
 
-def is_file(path: Path) -> bool:
-    """Return True if there is such a file; a name that the system does not take is none."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def _found(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> str:
-    """The first place of a file where there is one, or else the first of all."""
+def _found(name: str, folders: Sequence[Path], access: FileAccess, packages: Mapping[str, Path]) -> str:
+    """The first place of a file where there is one that may be opened, or else the first of all."""
     name = FIND.sub(r"package://\1", name.strip(), count=1)
-    first: Path | None = None
-    for place in _places(name, folders, packages):
-        first = first or place
-        if is_file(place):
-            return str(place)
-    return str(first or name)
+    found = access.first_file(_places(name, folders, access, packages))
+    return str(found or next(_places(name, folders, access, packages), name))
 
 
-def _places(name: str, folders: Sequence[Path], packages: Mapping[str, Path]) -> Iterator[Path]:
+def _places(name: str, folders: Sequence[Path], access: FileAccess, packages: Mapping[str, Path]) -> Iterator[Path]:
     scheme = next((scheme for scheme in SCHEMES if name.lower().startswith(scheme)), "")
     for written in dict.fromkeys((name, unquote(name), name.replace("\\", "/"))):
         if scheme:
             package, _, rest = written[len(scheme) :].partition("/")
-            yield from _of_package(package, rest, folders[-1], packages)
+            yield from _of_package(package, rest, folders[-1], access, packages)
         else:
             plain = written[5:] if written.lower().startswith("file:") else written
             plain = plain.removeprefix("//localhost") if plain.startswith("//localhost/") else plain
             plain = plain[2:] if plain.startswith("//") else plain
-            for folder in (*folders, *list(folders[-1].parents)[:NEAR]):
+            for folder in (*folders, *list(folders[-1].parents)[:NEAR], *access.search_paths):
                 yield folder / plain
     for folder in folders:
         yield folder / Path(name.replace("\\", "/")).name  # where MuJoCo looks by itself
     if scheme:
         package, _, rest = name[len(scheme) :].partition("/")
-        yield from (root / rest for root in _beside(package, folders[-1]))
+        for root in _beside(package, folders[-1]):
+            access.allow_package(root)
+            yield root / rest
 
 
-def _of_package(package: str, rest: str, here: Path, packages: Mapping[str, Path]) -> Iterator[Path]:
+def _of_package(
+    package: str, rest: str, here: Path, access: FileAccess, packages: Mapping[str, Path]
+) -> Iterator[Path]:
     if package in packages:
         yield packages[package] / rest
     above = [here, *here.parents][:FOLDERS_UP]
-    for root in (*above, *_roots()):
+    for root in (*above, *_roots(), *access.search_paths):
         if root.name == package:
+            access.allow_package(root)
             yield root / rest
+        if package not in ("", ".", ".."):
+            access.allow_package(root / package)
         yield root / package / rest
     for root in above:  # a package's folder may have another name than the package
         yield root / rest

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdShade
 
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common import materials
 from warpcam.sources.common.images import packed
 from warpcam.sources.common.opacity import opacity_of
@@ -47,10 +48,10 @@ class BoundMaterial:
 class MaterialReader:
     """Reads each material once, and keeps what they show in a graph."""
 
-    def __init__(self, graph: SceneGraph, attributes: AttributeReader, collector: WarningCollector):
+    def __init__(self, graph: SceneGraph, attributes: AttributeReader, collector: WarningCollector, access: FileAccess):
         self._graph, self._attributes, self._collector = graph, attributes, collector
         self._inputs = InputReader(attributes, collector)
-        self.images = TextureImages(graph, collector)
+        self.images = TextureImages(graph, collector, access)
         self._bound: dict[Sdf.Path, BoundMaterial] = {}
         self._maps: dict[tuple[Any, ...], int] = {}
         self.wrapped = WrappedLooks(graph)

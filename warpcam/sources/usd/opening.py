@@ -8,6 +8,8 @@ from typing import Any
 from pxr import Tf, Usd
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
+from warpcam.sources.usd.layer_files import check_layers, search_context
 
 # Kinds of files by their first bytes, with the endings that USD wants for them.
 KINDS = {
@@ -20,19 +22,34 @@ WORDS = re.compile(r" in file \S+ : '(.*?)'(?= Error in '|$)")  # of the first o
 TABLE = slice(16, 24)  # bytes of a binary file that have the place of its table of contents
 
 
-def opened(path_or_stage: Any) -> tuple[Usd.Stage, str]:
+def opened(path_or_stage: Any, access: FileAccess) -> tuple[Usd.Stage, str]:
     """Return the stage and its name for messages."""
     if isinstance(path_or_stage, Usd.Stage):
         return path_or_stage, path_or_stage.GetRootLayer().identifier
     if not isinstance(path_or_stage, str | Path):
         raise WarpcamError(f"path_or_stage must be a path or a pxr.Usd.Stage, got {type(path_or_stage).__name__}")
     path = str(path_or_stage)
-    if "://" not in path and not Path(path).exists():
+    if "://" in path:
+        raise WarpcamError(f"from_usd: {path!r} is an address; open it by pxr.Usd.Stage.Open, and give the stage")
+    if not Path(path).exists():
         raise WarpcamError(f"from_usd: there is no file {path!r}")
     if Path(path).is_dir():
         raise WarpcamError(f"from_usd: {path!r} is a folder; give a .usd, .usda, .usdc or .usdz file")
+    return open_file(path, access), path
+
+
+def open_file(path: str, access: FileAccess) -> Usd.Stage:
+    """Open a stage whose layers are checked.
+
+    Raises:
+        RefusedError: A layer lies outside of what may be opened, or is too large.
+        WarpcamError: USD cannot open it.
+    """
+    layers = check_layers(path, access)
     try:
-        return Usd.Stage.Open(path), path
+        stage = Usd.Stage.Open(path, search_context(path, access))
+        del layers  # which the stage keeps
+        return stage
     except Tf.ErrorException as error:
         reason = _fault(Path(path)) if Path(path).is_file() else ""
         reason = reason or f"{short(error)}; mend that place, or write or download the file again"

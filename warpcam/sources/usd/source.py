@@ -11,6 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 from warpcam.core import device as device_rule
 from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.layers import check_tristate
 from warpcam.scene.validation import check_num_worlds, check_unit
@@ -19,7 +20,7 @@ from warpcam.sources.common.scene_graph import FrameNode, SceneGraph
 from warpcam.sources.common.scene_graph_source import SceneGraphSource
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.nothing_drawn import hidden, reason_of_no_shapes, unloaded
-from warpcam.sources.usd.opening import opened, short
+from warpcam.sources.usd.opening import open_file, opened, short
 from warpcam.sources.usd.stage import StageReader
 
 PURPOSES = ("default", "render", "proxy", "guide")
@@ -40,6 +41,7 @@ def load(
     textures: Mapping[str, Any],
     exposure: float | None,
     transparency: bool | None,
+    access: FileAccess,
 ) -> DrivenScene:
     check_num_worlds(num_worlds)
     if not isinstance(double_sided, bool | np.bool_ | None):
@@ -54,11 +56,11 @@ def load(
         raise WarpcamError(f'up_axis must be "Z", or None for the stage\'s own axes, got {up_axis!r}')
     check_unit(meters_per_unit)
     check_tristate("transparency", transparency)
-    images, where = named_images(textures), device_rule.resolve(device)
-    stage, name = opened(path_or_stage)
+    images, where = named_images(textures, access.limits), device_rule.resolve(device)
+    stage, name = opened(path_or_stage, access)
     collector = WarningCollector(name)
     try:
-        graph = read_graph(stage, name, collector, meters_per_unit, up_axis, time, purposes, double_sided)
+        graph = read_graph(stage, name, collector, access, meters_per_unit, up_axis, time, purposes, double_sided)
     finally:
         collector.say()
     for label, image in images.items():
@@ -74,19 +76,21 @@ def load(
     return scene
 
 
-def read_file(path: Path, collector: WarningCollector) -> SceneGraph:
+def read_file(path: Path, collector: WarningCollector, access: FileAccess) -> SceneGraph:
     """Read a file in its own axes, in metres.
 
     Raises:
+        RefusedError: A file lies outside of what may be opened, or something is too large.
         WarpcamError: The file cannot be read, or shows nothing.
     """
-    return read_graph(*opened(path), collector, up_axis=None)
+    return read_graph(open_file(str(path), access), str(path), collector, access, up_axis=None)
 
 
 def read_graph(
     stage: Usd.Stage,
     name: str,
     collector: WarningCollector,
+    access: FileAccess,
     meters_per_unit: float | None = None,
     up_axis: str | None = "Z",
     time: float | None = None,
@@ -96,6 +100,7 @@ def read_graph(
     """Read a stage; arguments as ``warpcam.from_usd`` has them.
 
     Raises:
+        RefusedError: A texture lies outside of what may be opened, or something is too large.
         WarpcamError: USD cannot read it, or it shows nothing.
     """
     _tell_of_errors(stage, collector)
@@ -112,7 +117,14 @@ def read_graph(
     start = _time(stage, time)
     try:
         StageReader(
-            stage, graph, start, purposes=frozenset(purposes), double_sided=double_sided, unit=unit, collector=collector
+            stage,
+            graph,
+            start,
+            purposes=frozenset(purposes),
+            double_sided=double_sided,
+            unit=unit,
+            collector=collector,
+            access=access,
         ).read()
     except Tf.ErrorException as error:
         raise WarpcamError(f"{name}: USD cannot read it: {short(error)}") from None

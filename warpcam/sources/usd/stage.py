@@ -7,6 +7,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdSemantics, UsdShade
 
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.geometry import Geometry, polar
 from warpcam.sources.common.scene_graph import FrameNode, SceneGraph, ShapeInstance
 from warpcam.sources.common.warnings import WarningCollector
@@ -37,11 +38,12 @@ class StageReader:
         double_sided: bool | None,
         unit: float,
         collector: WarningCollector,
+        access: FileAccess,
     ):
         self._stage, self._graph, self._time, self._purposes, self._collector = stage, graph, time, purposes, collector
-        self._unit = unit
+        self._unit, self._access = unit, access
         self._attributes = AttributeReader(collector)
-        self._materials = MaterialReader(graph, self._attributes, collector)
+        self._materials = MaterialReader(graph, self._attributes, collector, access)
         self._meshes = MeshReader(self._materials, double_sided, self._attributes, collector)
         self._strands = PointsAndCurvesReader(self._materials, self._attributes, collector)
         self._instancers = InstancerReader(stage, graph.source, self._attributes, collector)
@@ -113,6 +115,7 @@ class StageReader:
             self._graph.instances.append(name)
         node.body = RIGID_BODY in prim.GetAppliedSchemas() or prim.GetTypeName() == "Xform"
         index = len(self._graph.nodes)
+        self._access.check("copies", index + 1, f"{self._graph.source}: the stage, with all prims of its instances,")
         self._graph.nodes.append(node)
         query = UsdGeom.Xformable(prim)
         moves = bool(query) and not rest and query.TransformMightBeTimeVarying()
@@ -223,6 +226,7 @@ class StageReader:
         if placement is None:
             return
         indices = placement.indices
+        self._access.check("copies", len(self._graph.nodes) + len(indices), f"{self._graph.source}: {path}")
         mask = self._instancers.shown(instancer, len(indices), self._time)
         above = self._materials.inherited
         colors = self._instancers.colors(instancer, len(indices), self._time)

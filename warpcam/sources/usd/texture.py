@@ -1,14 +1,17 @@
 """Texture readers of a stage's materials, and the files behind them."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pxr import Ar, Sdf, Usd, UsdShade
 
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.images import UnreadableError
 from warpcam.sources.usd.attributes import FIRST
 from warpcam.sources.usd.inputs import InputReader
+from warpcam.sources.usd.layer_files import outer_file
 
 WRAPS = {"clamp": "clamp", "mirror": "mirror", "black": "black", "repeat": "repeat", "useMetadata": "repeat"}
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -97,10 +100,24 @@ def plain_texture(asset: Sdf.AssetPath, attribute: Usd.Attribute) -> TextureInpu
     )
 
 
-def file_bytes(path: str) -> bytes:
+def file_bytes(path: str, access: FileAccess) -> bytes:
+    """Return the bytes of a resolved path, also inside of a package.
+
+    Raises:
+        RefusedError: The file lies outside of what may be opened, or is too large.
+        UnreadableError: It cannot be opened.
+    """
+    if not Ar.IsPackageRelativePath(path):
+        try:
+            return access.read(Path(path))
+        except OSError as error:
+            raise UnreadableError(error.strerror or str(error)) from None
+    access.check_path(outer_file(path))
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if not asset:
         raise UnreadableError("it cannot be opened")
+    access.check("file_bytes", asset.GetSize(), path)
+    access.take(asset.GetSize(), path)
     buffer = asset.GetBuffer()
     if buffer is None:
         raise UnreadableError("it cannot be opened")

@@ -6,6 +6,7 @@ import numpy as np
 from pxr import Ar, Sdf
 
 from warpcam.core.color import linear_to_srgb
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common import materials
 from warpcam.sources.common.images import (
     ENCODED,
@@ -25,8 +26,8 @@ from warpcam.textures.pack import TextureImage
 class TextureImages:
     """Images of a graph."""
 
-    def __init__(self, graph: SceneGraph, collector: WarningCollector):
-        self._graph, self._collector = graph, collector
+    def __init__(self, graph: SceneGraph, collector: WarningCollector, access: FileAccess):
+        self._graph, self._collector, self._access = graph, collector, access
         self._pixels: dict[str, np.ndarray | None] = {}
         self._textures: dict[tuple[Any, ...], int] = {}
         self._skies: dict[tuple[Any, ...], np.ndarray | None] = {}
@@ -125,7 +126,7 @@ class TextureImages:
                 )
                 return None
             try:
-                self._pixels[key] = decoded(file_bytes(path))
+                self._pixels[key] = decoded(file_bytes(path, self._access), self._access, path)
             except UnreadableError as error:
                 self._collector.warn(
                     f"a texture cannot be read ({error}), and its material is drawn in its base colour",

@@ -1,10 +1,8 @@
 """Calls about what bodies look like: segmentation ids, colours, textures, and lights."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
 
 from warpcam.compat.common.scalars import whole
 from warpcam.compat.isaacgym.api.enums import INVALID_HANDLE, MeshType, check_segment, one_of
@@ -13,6 +11,8 @@ from warpcam.compat.isaacgym.cameras.appearance import MAX_LIGHTS, DirectionalLi
 from warpcam.compat.isaacgym.physics.environments import COLLIDES, VISIBLE, Actor, Env
 from warpcam.compat.isaacgym.physics.simulation import Sim, env_of, sim_of
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess, read_named
+from warpcam.sources.common.images import UnreadableError, decoded
 
 FLAGS = {
     MeshType.MESH_NONE: 0,
@@ -95,11 +95,15 @@ class AppearanceCalls:
     def create_texture_from_file(self, sim: Sim, path: str) -> int:
         """Read an image; its handle."""
         try:
-            with Image.open(Path(path)) as image:
-                pixels = np.asarray(image.convert("RGB"))
-        except (TypeError, OSError, UnidentifiedImageError) as error:
+            pixels = decoded(
+                read_named(path, None, "create_texture_from_file"), FileAccess(None, trusted=True), str(path)
+            )
+        except WarpcamError:
+            raise
+        except (TypeError, OSError, UnreadableError) as error:
             raise WarpcamError(f"create_texture_from_file: {str(path)!r} cannot be read: {error}") from error
-        return _texture(sim_of(sim, "create_texture_from_file"), pixels)
+        shown = np.repeat(pixels, 3, axis=2) if pixels.shape[2] == 1 else pixels[..., :3]
+        return _texture(sim_of(sim, "create_texture_from_file"), shown)
 
     def create_texture_from_buffer(self, sim: Sim, width: int, height: int, pixels: np.ndarray) -> int:
         """An image of one's own, RGBA, uint8 of (height, 4 width) or as many numbers; its handle."""

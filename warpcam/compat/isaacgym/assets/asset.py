@@ -20,6 +20,7 @@ from warpcam.compat.isaacgym.api.property_types import ForceSensorProperties, Te
 from warpcam.compat.isaacgym.assets.merge_fixed_joints import Builder
 from warpcam.compat.isaacgym.assets.mjcf import MjcfDetails
 from warpcam.core.errors import WarpcamError
+from warpcam.core.file_access import FileAccess
 from warpcam.sources.common.optional import import_source
 
 JOINT = newton.JointType
@@ -185,6 +186,7 @@ def load(root: Any, file: Any, options: AssetOptions, up: newton.Axis) -> Asset:
             lambda text: builder.add_urdf(text, floating=not options.fix_base_link),
             builder,
             path,
+            FileAccess(path, trusted=True),  # the program names the asset, as for Newton's own readers
             standing=bool(options.flip_visual_attachments),
             in_order=True,  # so Isaac Gym goes through those of a body, each with all below it
         ),

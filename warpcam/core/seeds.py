@@ -1,4 +1,4 @@
-"""Seeds of sensors."""
+"""Seeds of random numbers, one for each world."""
 
 from typing import Any
 

@@ -1,0 +1,60 @@
+"""Kernels of the path tracer."""
+
+from dataclasses import dataclass
+
+import warp as wp
+
+from warpcam.kernels.flags import Lens, ShadingFlag
+from warpcam.kernels.plan import launches, shading
+from warpcam.kernels.plan.launches import LENSES, SceneTypes, flag_if
+from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.scene_tables import SceneTables
+
+LIST_THREADS = 1  # for each world: its shapes are listed one after another
+
+
+@dataclass(frozen=True)
+class PathListKey:
+    """The kernel that lists the shapes and lights of each world: native/path/path_shapes.h."""
+
+    types: SceneTypes
+    lens: Lens  # of the camera; the list does not depend on it
+
+    @property
+    def blocks(self) -> int:
+        """Blocks that a multiprocessor is to hold: bounds the registers of a thread."""
+        return 8
+
+
+@dataclass(frozen=True)
+class PathKey:
+    """The kernel that has a thread for each pixel: native/path/path_tracer.h."""
+
+    types: SceneTypes
+    lens: Lens
+    flags: ShadingFlag
+
+    @property
+    def blocks(self) -> int:
+        """Likewise; a path's surfaces, lights and reflection need many registers."""
+        return 2
+
+
+def plan_list(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PathListKey:
+    return PathListKey(launches.scene_types(tables, device), LENSES[request.lens])
+
+
+def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PathKey:
+    """The kernel that draws the lit images of a request."""
+    layers = tables.layers
+    flags = (
+        flag_if(ShadingFlag.HAS_MATERIALS, tables.has_materials)
+        | flag_if(ShadingFlag.HAS_TEXTURES, tables.has_textures)
+        | flag_if(ShadingFlag.HAS_SKYBOX, tables.has_skybox)
+        | flag_if(ShadingFlag.HAS_MAPS, tables.has_maps and tables.has_textures)
+        | flag_if(ShadingFlag.HAS_TRANSPARENT, layers is not None and layers.has_transparent)
+        | shading.override_flags(tables.world_overrides, tables.headlights)
+        | shading.tone_flag(request, request.outputs)
+        | ShadingFlag.PHYSICAL
+    )
+    return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)

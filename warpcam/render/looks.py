@@ -1,0 +1,119 @@
+"""Looks of a scene: how its lit images are made."""
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Literal, get_args
+from weakref import WeakSet
+
+import warp as wp
+
+from warpcam.camera.camera import Camera
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.types import Lights, Physical
+from warpcam.render.paths import PathOptions, check_whole
+from warpcam.scene.scene import Scene
+from warpcam.scene.source import SceneDescription
+
+LookName = Literal["mujoco", "pbr", "path"]
+FEW = 3  # materials that a warning names
+_told: WeakSet[SceneDescription] = WeakSet()  # whose transmission has been told of
+
+
+class Look:
+    """What a renderer was asked for.
+
+    Args:
+        name: One of ``LookName``; None is the scene's own.
+        options: Of paths; only with "path".
+        scene: The scene.
+    """
+
+    def __init__(self, name: Any, options: Any, scene: Scene):
+        own = "pbr" if scene.description().physical else "mujoco"
+        if name is not None and name not in get_args(LookName):
+            allowed = ", ".join(repr(each) for each in get_args(LookName))
+            raise WarpcamError(f"Renderer: look is {name!r}; allowed are {allowed}, or None for the scene's own")
+        self.name: LookName = next(each for each in get_args(LookName) if each == (own if name is None else name))
+        if options is not None and not isinstance(options, PathOptions):
+            raise WarpcamError(f"Renderer: path must be a PathOptions or None, got {options!r}")
+        if options is not None and not self.traces_paths:
+            raise WarpcamError(f"Renderer: path has options of look='path', and the look is {self.name!r}")
+        self._has_splats = scene.tables().splats is not None
+        if self.traces_paths and self._has_splats:
+            raise WarpcamError("Renderer: look='path' draws no clouds of Gaussians, which this scene has")
+        self.options = (options or PathOptions()) if self.traces_paths else None  # of paths
+        self._parts, self._device = scene.description(), scene.device
+        if self.name != own and "mujoco" == self.name:
+            raise WarpcamError("Renderer: look='mujoco' is of scenes of MuJoCo alone, this one's own is 'pbr'")
+        if own == "mujoco" and self.name != own and self._parts.as_physical is None:
+            raise WarpcamError(
+                f"Renderer: look is {self.name!r}, for which this scene has no materials; its own is {own!r}"
+            )
+        if not self.traces_paths:
+            _tell_of_transmission(self._parts)
+        self._arrays: Mapping[str, wp.array] | None = None
+
+    def tables(self, tables: SceneTables) -> SceneTables:
+        """The scene's tables as this look takes them."""
+        if self.name == "mujoco" or tables.physical is not None or self._parts.as_physical is None:
+            return tables
+        if self._arrays is None:
+            self._arrays = self._parts.as_physical(self._device)
+        if self._arrays["roughness"].shape[1] != tables.materials.color.shape[1]:
+            raise WarpcamError(f"Renderer: look is {self.name!r}, which scenes that mjv_updateScene fills have not")
+        physical: Any = Physical()
+        for name, array in self._arrays.items():
+            setattr(physical, name, array)
+        lights: Any = Lights()
+        lights.assign(tables.lights)
+        lights.specular = lights.diffuse
+        physical.plain = lights
+        layers = tables.layers
+        if layers is not None:  # neither mirrors nor haze are of this look
+            layers = replace(layers, mirrors=wp.empty(0, dtype=wp.int32, device=self._device), haze=None)
+        return replace(tables, physical=physical, has_maps=self._parts.maps, layers=layers, horizon=0.0)
+
+    def paths(self, device: wp.Device) -> tuple[PathOptions, wp.array] | None:
+        """Options of paths and int32, (1,): how many ``accumulate`` adds; None where no paths are traced."""
+        if self.options is None:
+            return None
+        self.more = wp.zeros(1, dtype=wp.int32, device=device)
+        return self.options, self.more
+
+    def check_tone_mapping(self, cameras: Iterable[Camera]) -> None:
+        """Raise for a camera whose curve of display colours this look has not."""
+        why = ""
+        if self.name == "mujoco":
+            why = "the look is 'mujoco', which has 'clip' alone; look='pbr' and look='path' have all"
+        elif self._has_splats:
+            why = "the scene has clouds of Gaussians, whose colours are a display's: 'clip' alone is allowed"
+        for camera in cameras:
+            if why and camera.tone_mapping != "clip":
+                raise WarpcamError(f"{camera.where}: tone_mapping is {camera.tone_mapping!r}, and {why}")
+
+    def check_more(self, samples: Any, has_drawn: bool) -> int:
+        """The number of paths that are to be added, or the error that there is nothing to add to."""
+        count = check_whole("accumulate: samples", samples, 1)
+        if not (self.traces_paths and has_drawn):
+            why = "render() comes first" if self.traces_paths else f"the look is {self.name!r}"
+            raise WarpcamError(f"accumulate: there are no paths to add to, as {why}")
+        return count
+
+    @property
+    def traces_paths(self) -> bool:
+        return self.name == "path"
+
+
+def _tell_of_transmission(parts: SceneDescription) -> None:
+    """Warn, once for a scene, that the real-time look draws no transmission."""
+    names = parts.transmissive
+    if names and parts not in _told:
+        _told.add(parts)
+        more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+        logging.getLogger("warpcam").warning(
+            "Renderer: look='pbr' draws no transmission, as look='path' does; these materials are drawn solid: %s%s",
+            ", ".join(names[:FEW]),
+            more,
+        )

@@ -1,0 +1,109 @@
+"""Options of the path tracer, and what a camera keeps of its paths from frame to frame."""
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.core.errors import WarpcamError
+from warpcam.core.seeds import seeds_of
+from warpcam.kernels.build.facet_albedo import facet_albedo
+from warpcam.kernels.passes.paths import HEAD, SHAPE_ROWS, PathArrays, PathFrame
+from warpcam.kernels.scene_tables import SceneTables
+from warpcam.kernels.types import MESH
+from warpcam.render.path_sky import sky_sums
+
+MOST = 2**30  # of samples and bounces
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathOptions:
+    """How ``Renderer(look="path")`` traces paths of light.
+
+    Attributes:
+        samples: Paths of each pixel in a frame, at least 1; ``Renderer.accumulate`` adds more.
+        bounces: Surfaces that reflect a path at most: 0 shows what shines by itself, 1 light that comes straight from
+            lights, too. None is no limit: paths end by chance, so that the mean is that of endless ones.
+        seed: A whole number of 32 bits, or one for each world, (world,). The same seed gives the same numbers to a
+            world, so the same image.
+    """
+
+    samples: int = 64
+    bounces: int | None = None
+    seed: Any = 0
+
+    def __post_init__(self) -> None:
+        check_whole("PathOptions: samples", self.samples, 1)
+        if self.bounces is not None:
+            check_whole("PathOptions: bounces", self.bounces, 0)
+
+
+def check_whole(what: str, value: Any, least: int) -> int:
+    """The whole number that came, or the error that it is none or too small."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MOST:
+        raise WarpcamError(f"{what} must be a whole number from {least} to {MOST}, got {value!r}")
+    return int(value)
+
+
+def _num_shapes(tables: SceneTables) -> int:
+    """Shapes that a world's list has room for: those that the camera sees, and those that cast shadows."""
+    casters = 0 if tables.casters is None else tables.casters.drawn.size
+    return max(tables.num_drawn, casters, 1)
+
+
+def _emitting_faces(tables: SceneTables) -> tuple[np.ndarray, np.ndarray]:
+    """Faces of all meshes, each once, if some material shines.
+
+    Returns:
+        Where those of each mesh begin, (mesh + 1,), and their rows / 3 in the mesh's part of ``Meshes.faces``, int32.
+    """
+    none = np.zeros(0, np.int32)
+    meshes = tables.meshes
+    if (
+        MESH not in tables.shape_types
+        or not tables.physical.emissive.size
+        or not tables.physical.emissive.numpy().any()
+    ):
+        return none, none
+    first = meshes.faces.numpy().reshape(-1, 3, 4)[:, 0, 3].view(np.int32)
+    starts = meshes.face_start.numpy() // 3
+    rows = [
+        np.unique(first[start:end], return_index=True)[1]
+        for start, end in itertools.pairwise([*starts.tolist(), len(first)])
+    ]
+    return np.cumsum([0, *map(len, rows)]).astype(np.int32), np.concatenate(rows).astype(np.int32)
+
+
+def path_bytes(tables: SceneTables, pixels: int) -> int:
+    """Bytes of what a camera of so many pixels keeps of its paths in all worlds."""
+    vectors, numbers = SHAPE_ROWS * _num_shapes(tables) + pixels, HEAD + tables.num_lights + _num_shapes(tables) + 3
+    each = vectors * wp.types.type_size_in_bytes(wp.vec4) + numbers * wp.types.type_size_in_bytes(wp.int32)
+    shared = (facet_albedo(), sky_sums(tables)[0], *_emitting_faces(tables))
+    return tables.num_worlds * each + sum(table.nbytes for table in shared)
+
+
+def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.array, device: wp.Device) -> PathArrays:
+    """Allocate what a camera of so many pixels keeps of its paths.
+
+    Args:
+        tables: The scene.
+        pixels: Of an image.
+        options: How paths are traced.
+        more: int32, (1,): paths that ``accumulate`` adds.
+        device: Where it lies.
+    """
+    worlds = tables.num_worlds
+    frame: Any = PathFrame()
+    frame.most_bounces = MOST if options.bounces is None else options.bounces
+    frame.albedo = wp.array(facet_albedo().ravel(), dtype=wp.float32, device=device)
+    frame.rows = wp.zeros((worlds, SHAPE_ROWS * _num_shapes(tables)), dtype=wp.vec4, device=device)
+    frame.heads = wp.zeros((worlds, HEAD + tables.num_lights + _num_shapes(tables)), dtype=wp.int32, device=device)
+    frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
+    sums, frame.sky_side = sky_sums(tables)
+    frame.sky_sums = wp.array(sums, dtype=wp.float32, device=device)
+    frame.seeds = seeds_of(options.seed, "PathOptions", worlds, device)
+    frame.begun, frame.wanted = (wp.zeros(worlds, dtype=wp.int32, device=device) for _ in range(2))
+    frame.sums = wp.zeros(worlds * pixels, dtype=wp.vec4, device=device)
+    return PathArrays(frame, int(options.samples), more)
