@@ -139,6 +139,7 @@ class ShadingFlag(IntFlag):
     ACES = 1 << 26
     KHRONOS_NEUTRAL = 1 << 27
     AGX = 1 << 28
+    GENERAL_PLANES = 1 << 29  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
 
 
 NO_SHADING_FLAGS = ShadingFlag(0)

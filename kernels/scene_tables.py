@@ -36,6 +36,7 @@ class SceneTables:
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
     planes: tuple[int, ...] = ()  # ids of the planes that are drawn
+    general_planes: bool = False  # these are more than an endless grey one in grey light
     physical: Any = None  # Physical, of scenes that are lit as native/shading/pbr.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     backs_shade: bool = False  # in such a scene meshes that are seen from one side cast shadows from both

@@ -38,6 +38,8 @@ MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MAX_PLANE_PATH = 64  # shapes of a scene without meshes that leave room for SEPARATE_PLANE_PATH
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
+# lights of a scene whose corners keep a group of numbers: GREY_VERTEX_LIGHTS in native/shading/plane_vertex_lighting.h
+MAX_CASTING = 3
 LAYER_FLAGS = (
     ShadingFlag.MIRROR_VIEW
     | ShadingFlag.HAS_MIRROR
@@ -121,6 +123,9 @@ def plan_shading(
         plain &= not layered & ~COVERING_FLAGS
         strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
         strips = strips and plain
+        general = tables.general_planes or bool(overrides & ShadingFlag.HAS_EXPOSURE)
+        general |= shadows and tables.num_lights > MAX_CASTING
+        flags |= flag_if(ShadingFlag.GENERAL_PLANES, strips and general)
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)
     if not device.is_cuda and 0 < capacity <= FEW:

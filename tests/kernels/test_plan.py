@@ -31,6 +31,7 @@ CPU: Any = SimpleNamespace(is_cuda=False, is_cpu=True)
 CARD: Any = SimpleNamespace(is_cuda=True, is_cpu=False, sm_count=132)
 ALL = Group.of_all(8192)
 REQUEST = ImageRequest(64, 64, "pinhole", ("rgb",))
+NONE, ONE = SimpleNamespace(size=0), SimpleNamespace(size=1)
 
 
 def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
@@ -165,6 +166,25 @@ def test_planes_are_shaded_by_strips_where_four_pixels_are_stored_at_once(width:
     assert plan.key.blocks == (6 if strips else 5)
     on_cpu = shading.plan_shading(tables, request, CPU, ALL, outputs=("rgb",), shadows=False)
     assert not on_cpu.key.flags & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
+
+
+@pytest.mark.parametrize(
+    ("facts", "shadows", "general"),
+    [
+        ({"num_lights": 3}, True, False),
+        ({"num_lights": 4}, True, True),
+        ({"num_lights": 8}, False, False),
+        ({"general_planes": True}, False, True),
+        ({"world_overrides": SimpleNamespace(texture_offsets=NONE, skyboxes=NONE, exposures=ONE)}, False, True),
+    ],
+)
+def test_kernels_of_strips_are_for_the_planes_of_the_scene(facts: dict[str, Any], shadows: bool, general: bool) -> None:
+    tables, request = scene(types.PLANE, **facts), ImageRequest(64, 64, "pinhole", ("rgb",))
+    key = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=shadows).key
+    assert (ShadingFlag.GENERAL_PLANES in key.flags) == general
+    tables = replace(tables, shape_types=frozenset((types.BOX,)))
+    key = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=shadows).key
+    assert ShadingFlag.GENERAL_PLANES not in key.flags
 
 
 def test_colours_of_few_shapes_share_a_kernel_of_a_cpu() -> None:

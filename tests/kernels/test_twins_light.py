@@ -91,7 +91,7 @@ def corner(grey):
 
 
 GRID = """
-    struct : LitVertexGrid<256, true> {} grid {};
+    struct : LitVertexGrid<256, true, true> {} grid {};
     grid.grey = same(4) > 0.0f;
     grid.few = same(5) > 0.0f;
     grid.each = grid.few ? GREY_VERTEX_LIGHTS : 3;

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpcam.accel.gaussians import PackedGaussians, pack_gaussians
+from warpcam.accel.gaussians import pack_gaussians
 from warpcam.accel.heightfields import num_faces, pack_height_fields
 from warpcam.accel.meshes import pack_masks, pack_meshes
 from warpcam.core import device as device_rule
@@ -23,7 +23,6 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import (
     HEIGHT_FIELD,
     MESH,
-    PLANE,
     SKY_TERMS,
     SPLATS,
     Background,
@@ -33,6 +32,7 @@ from warpcam.kernels.types import (
     Shapes,
 )
 from warpcam.scene.bounds import Bounds, bounds_of
+from warpcam.scene.planes import Planes
 from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, SceneDescription, Source, live_arrays_of
 from warpcam.scene.validation import check_array, check_description, check_indices, find_body, find_index
 from warpcam.scene.world_overrides import WorldOverrides
@@ -82,7 +82,8 @@ class Scene:
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
-        self._splats = self._pack_splats()
+        clouds = self._clouds()
+        self._splats = pack_gaussians(parts.clouds, clouds, self.device) if clouds else None
         self._drawn, self._casting = (
             None if columns is None else self._ints(columns) for columns in (parts.drawn, parts.casting)
         )
@@ -98,10 +99,11 @@ class Scene:
         self._ids, self._body_ids = (
             self._ints(np.zeros((0, 0), np.int32) if ids is None else ids) for ids in (parts.shape_ids, parts.body_ids)
         )
-        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
+        self._layers, self._planes = parts.layers.tables(len(parts.shape_types), self.device), Planes(parts)
         source.refresh()
         source.arrays()
         run(self.stages())
+        self._planes.look_at(source.arrays())
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.user_name)
 
@@ -339,7 +341,8 @@ class Scene:
             headlights=self._own.headlights,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
-            planes=tuple(int(shape) for shape in parts.drawn if parts.shape_types[shape] == PLANE),
+            planes=self._planes.ids,
+            general_planes=self._planes.general(self._own),
             physical=physical,
             has_maps=parts.physical and parts.maps,
             backs_shade=parts.backs_shade,
@@ -361,10 +364,6 @@ class Scene:
 
     def _ints(self, values: Any) -> wp.array:
         return wp.array(np.asarray(values, np.int32), dtype=wp.int32, device=self.device)
-
-    def _pack_splats(self) -> PackedGaussians | None:
-        columns = self._clouds()
-        return pack_gaussians(self._parts.clouds, columns, self.device) if columns else None
 
     def _clouds(self) -> list[int]:
         return [int(shape) for shape in np.flatnonzero(np.asarray(self._parts.shape_types) == SPLATS)]

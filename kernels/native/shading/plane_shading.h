@@ -75,18 +75,22 @@ WARPCAM_DEVICE void load_few(const float* from, float* to)
 template <class Grid>
 WARPCAM_DEVICE float channel_from_corners(const Grid& grid, const GridInterpolation& on, int shadow, int start)
 {
-    if (!grid.in_groups()) {
-        float sum = shown_at(grid, on, start);
+    float sum = shown_at(grid, on, start);
 #pragma unroll 1
-        for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
-            const float light = shown_at(grid, on, start + 1 + n);
-            sum += grid.bits[1 + n] & shadow ? 0.0f : light;
-        }
-        return sum;
+    for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
+        const float light = shown_at(grid, on, start + 1 + n);
+        sum += grid.bits[1 + n] & shadow ? 0.0f : light;
     }
+    return sum;
+}
+
+// The same where numbers are in groups.
+template <class Grid>
+WARPCAM_DEVICE float channel_from_groups(const Grid& grid, const GridInterpolation& on, int shadow, int start)
+{
     float sum = 0.0f;
 #pragma unroll 1
-    for (int group = 0; group < grid.each; group += GREY_VERTEX_LIGHTS) {
+    for (int group = 0; group < grid.grouped_channel(); group += GREY_VERTEX_LIGHTS) {
         alignas(16) float first[GREY_VERTEX_LIGHTS], second[GREY_VERTEX_LIGHTS], third[GREY_VERTEX_LIGHTS];
         const float* values = grid.values + start + group;
         load_few(values + on.first, first);
@@ -112,7 +116,17 @@ WARPCAM_DEVICE float channel_from_corners(const Grid& grid, const GridInterpolat
 // Colour of a pixel in the lights that `shadow` leaves.
 template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, const GridInterpolation& on, int shadow)
 {
-    return grid.by_channel([&](int start) { return channel_from_corners(grid, on, shadow, start); });
+    const auto grouped = [&](int start) { return channel_from_groups(grid, on, shadow, start); };
+    const auto single = [&](int start) { return channel_from_corners(grid, on, shadow, start); };
+#if defined(__CUDA_ARCH__)
+    if constexpr (Grid::SHADOWS && Grid::GENERAL)
+        return grid.by_channel(grouped);
+#endif
+    if (Grid::SHADOWS && grid.few) {  // grey
+        const float light = grouped(0);
+        return { light, light, light };
+    }
+    return grid.by_channel(single);
 }
 
 // Shades a pixel of the plane from its cached vertices; returns false if they do not cover the pixel. `found` is the

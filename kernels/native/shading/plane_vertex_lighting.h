@@ -63,11 +63,11 @@ constexpr int grouped(int casting) { return (casting / GREY_VERTEX_LIGHTS + 1) *
 
 // The corners that are kept are a rectangle of columns and rows. One keeps `each` numbers of one channel, if all of it
 // is grey, else of three: what it shows in the lights that cast no shadow, and then in each that does. Where these are
-// GROUPED, for few grey lights or on CUDA, `each` is a multiple of GREY_VERTEX_LIGHTS, the last ones are 0, and on CUDA
-// the first is what it shows in all lights.
-template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
+// in groups, `each` is a multiple of GREY_VERTEX_LIGHTS, the last ones are 0, and on CUDA the first is what it shows in
+// all lights: for few grey lights, and on CUDA for all if GENERAL.
+template <int ROOM_, bool SHADOWS_, bool GENERAL_> struct LitVertexGrid {
     static constexpr int SIZE = ROOM_;
-    static constexpr bool SHADOWS = SHADOWS_, LIT = true;
+    static constexpr bool SHADOWS = SHADOWS_, GENERAL = GENERAL_, LIT = true;
 
     alignas(16) float values[SIZE > 0 ? SIZE : 1];
     alignas(16) int bits[grouped(MAX_LIGHTS)];  // of shadow masks, for the numbers of a channel; 0 for the first
@@ -79,16 +79,11 @@ template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
     int shape;  // the plane, or -1 where nothing is kept
     int grey;
     int casting;  // lights that cast shadows
-    int few;  // 1: numbers are GROUPED
+    int few;  // 1: numbers are in groups, if there are shadows
 
-    WARPCAM_DEVICE bool in_groups() const
-    {
-#if defined(__CUDA_ARCH__)
-        return SHADOWS;
-#else
-        return SHADOWS && few;
-#endif
-    }
+    // Numbers that are in groups, of a channel and of all.
+    WARPCAM_DEVICE int grouped_channel() const { return GENERAL ? each : GREY_VERTEX_LIGHTS; }
+    WARPCAM_DEVICE int all_grouped() const { return GENERAL ? stride : GREY_VERTEX_LIGHTS; }
 
     // Three channels, or three times one if all is grey; `channel` tells what begins at a number. Small, not unrolled.
     template <class Channel> WARPCAM_DEVICE Vec3 by_channel(const Channel& channel) const
@@ -102,8 +97,8 @@ template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
 };
 
 // The lights of a world with the corners that they light.
-template <int SIZE, bool SHADOWS> struct LitCorners : LightList {
-    LitVertexGrid<SIZE, SHADOWS> grid;
+template <int SIZE, bool SHADOWS, bool GENERAL> struct LitCorners : LightList {
+    LitVertexGrid<SIZE, SHADOWS, GENERAL> grid;
 };
 
 // Grid of a plane that no light falls on: its colour is its texture.
@@ -122,7 +117,7 @@ struct BareFloor : LightList {
 template <class List> struct HasCorners {
     static constexpr bool VALUE = false;
 };
-template <int SIZE, bool SHADOWS> struct HasCorners<LitCorners<SIZE, SHADOWS>> {
+template <int SIZE, bool SHADOWS, bool GENERAL> struct HasCorners<LitCorners<SIZE, SHADOWS, GENERAL>> {
     static constexpr bool VALUE = SIZE > 0;
 };
 
@@ -179,7 +174,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
 #if defined(__CUDA_ARCH__)
-    const bool few = Grid::SHADOWS;
+    const bool few = Grid::SHADOWS && (Grid::GENERAL || (grey && casting < GREY_VERTEX_LIGHTS));
 #else
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
 #endif
@@ -322,10 +317,13 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
             light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
         else
             light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
-        for (int start = 0; Grid::SHADOWS && start < grid.stride; start += grid.each) {
-            for (int n = 1 + grid.casting; n < grid.each; ++n)
+        if (!Grid::SHADOWS || !(Grid::GENERAL || grid.few))
+            continue;
+        const int each = grid.grouped_channel();
+        for (int start = 0; start < grid.all_grouped(); start += each) {
+            for (int n = 1 + grid.casting; n < each; ++n)
                 values[start + n] = 0.0f;
-            for (int n = 1; n < grid.each; ++n)
+            for (int n = 1; n < each; ++n)
                 values[start] += values[start + n];
         }
     }

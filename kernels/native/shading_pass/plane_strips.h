@@ -42,8 +42,9 @@ struct StripPlan {
     unsigned long long image;  // its texture: a mipmapped one, or an atlas
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
-    int simple;       // 1: light is grey, a corner keeps as few numbers as may be, all cells are equal, no exposure
-    Vec3 gain;        // the camera's exposure
+    int simple;  // 1: light is grey, a corner keeps as few numbers as may be, all cells are equal, no exposure; if all
+    // that is `plain` is not
+    Vec3 gain;  // the camera's exposure
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
@@ -61,6 +62,8 @@ template <class Grid> WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Gri
         plan.gain = gain;
         plan.simple = grid.grey && grid.each == (Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1) && cells_u.stretch == 0.0f
                       && cells_v.stretch == 0.0f && gain.x == 1.0f && gain.y == 1.0f && gain.z == 1.0f;
+        if (!Grid::GENERAL)
+            plan.plain &= plan.simple;
         plan.columns = float(grid.columns) - 1.0001f;
         plan.rows = float(grid.rows) - 1.0001f;
         plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
@@ -136,7 +139,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     bool within = min(rate[0], rate[3]) > 0.0f;
     if constexpr (Grid::LIT) {
         float u0 = u[0], u3 = u[3], v0 = v[0], v3 = v[3];
-        if (!plan.simple) {
+        if (Grid::GENERAL && !plan.simple) {
             u0 = grid.u.stretched(u0);
             u3 = grid.u.stretched(u3);
             v0 = grid.v.stretched(v0);
@@ -171,7 +174,7 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     if constexpr (Grid::LIT) {
         // Rounding can leave a sum below zero; conversion to bytes clips.
         const auto at_least_none = [](float light) { return SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light; };
-        if (plan.simple) {
+        if (!Grid::GENERAL || plan.simple) {
 #pragma unroll
             for (int k = 0; k < QUAD; ++k)
                 colors[k] = at_least_none(light_at<SHADED>(grid, plan.bias, u[k], v[k], shadows >> 8 * k)) * colors[k];

@@ -25,9 +25,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
     constexpr bool RADIANT = IMAGES == HDR && (FLAGS & PLANE_STRIPS);
 #if defined(__CUDA_ARCH__)
-    constexpr bool CORNERED_LENS = LENS == PINHOLE;
+    constexpr bool CORNERED_LENS = LENS == PINHOLE, GENERAL = (FLAGS & GENERAL_PLANES) != 0;
 #else
-    constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
+    constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS, GENERAL = true;
 #endif
 #if defined(__CUDA_ARCH__)
     constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
@@ -50,7 +50,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     using Held = conditional_t<SOME, SeenLooks<Types, Wants, PLACES, SEEN>, Appearances>;
     constexpr int HELD = SOME ? -1 : CACHED;
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
-    using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
+    using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS, GENERAL>, LightList>;
 #if defined(__CUDA_ARCH__)
     constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_HAZE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
@@ -140,8 +140,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     if constexpr (ON_FLOOR) {
         int plane = frame.plane;
 #if defined(__CUDA_ARCH__)
-        WARPCAM_SHARED optional_t<IN_STRIPS, int> shown_plane;
-        if constexpr (IN_STRIPS)
+        WARPCAM_SHARED optional_t<IN_STRIPS && GENERAL, int> shown_plane;
+        if constexpr (IN_STRIPS && GENERAL)
             if (frame.planes > 1) {
                 if (thread < WARP_SIZE)
                     plane = most_shown_plane(scene, region, first, thread);
