@@ -114,7 +114,7 @@ def plan_shading(
             transparent = launches.rounded_capacity(layers.transparent_shapes.size, 8, device)
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
     overrides = override_flags(tables.world_overrides, tables.headlights)
-    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
+    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True, fitted=True)
     flags = appearance_flags(tables, shadows) | layered | overrides | tone_flag(request, outputs)
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
