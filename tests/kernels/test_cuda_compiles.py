@@ -153,7 +153,7 @@ def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], folder: P
 def test_of_floors_in_parts_of_regions(
     outputs: tuple[str, ...], more: str, card: list[launch.Stage], tmp_path: Path
 ) -> None:
-    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, (84, 50), shadows=True)
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, (84, 84), shadows=True)
     shading = [stage for stage in card if stage.module.name.startswith("write_images")]
     assert shading[0].key.flags & (ShadingFlag.PLANE_STRIPS | ShadingFlag.WHOLE_REGIONS) == ShadingFlag.PLANE_STRIPS
     assert _compile(shading, tmp_path) == 1

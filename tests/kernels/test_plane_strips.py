@@ -6,7 +6,7 @@ import scenes
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.plan import shading
+from warpcam.kernels.plan import launches, shading
 
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
@@ -65,21 +65,24 @@ def images(name: str, outputs: tuple[str, ...], size: tuple[int, int], shadows: 
 
 @pytest.mark.parametrize("shadows", [False, True])
 @pytest.mark.parametrize(
-    ("scene", "size"),
-    [("grey", size) for size in ((64, 64), (84, 84), (96, 50), (160, 90))] + [(name, (84, 84)) for name in SCENES],
+    ("scene", "size", "region"),
+    [("grey", size, (64, 64)) for size in ((64, 64), (84, 84), (96, 50), (160, 90))]
+    + [("grey", size, launches.TALL) for size in ((84, 84), (96, 96), (160, 90))]
+    + [(name, (84, 84), (64, 64)) for name in SCENES if name != "grey"],
 )
 @pytest.mark.parametrize("outputs", [("rgb",), ("rgb", "rgba"), ("hdr",), ("albedo",)])
 def test_strips_show_what_single_pixels_show(
     outputs: tuple[str, ...],
     scene: str,
     size: tuple[int, int],
+    region: tuple[int, int],
     shadows: bool,
     device: wp.Device,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if not device.is_cuda:
         pytest.skip("on a CPU there is one way")
-    monkeypatch.setattr(shading, "region_size", lambda *_, **__: (64, 64))
+    monkeypatch.setattr(shading, "region_size", lambda *_, **__: region)
     found = images(scene, outputs, size, shadows)
     monkeypatch.setattr(shading, "has_strips", lambda *_: False)
     expected = images(scene, outputs, size, shadows)

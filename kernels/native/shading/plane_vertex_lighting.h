@@ -16,10 +16,10 @@ constexpr int VERTEX_GRID_BYTES = 30720;
 constexpr int VERTEX_GRID_BYTES = 44032;
 #endif
 
-// Numbers that a block keeps, for its pixels and the bytes that are left to it.
+// Numbers that a block keeps, for its pixels and the bytes that are left to it: no more than pixels in small regions.
 constexpr int corner_room(int pixels, int bytes)
 {
-    const int most = pixels < 4096 ? pixels : 4096, room = bytes / int(sizeof(float));
+    const int most = pixels < 3072 ? pixels : 4096, room = bytes / int(sizeof(float));
     return room < 256 ? 0 : room < most ? room : most;
 }
 
