@@ -164,6 +164,9 @@ class SplatFlag(IntFlag):
     LINEAR = 8192  # hdr is light; else display values
     EXPOSED = 16384
     SOLID = 32768
+    # As MuJoCo-Warp draws clouds: they are the surface where less light comes through than 0.005, and a ray ends there;
+    # a Gaussian ends at an alpha of 0.01; ids are those of what is behind
+    OPAQUE = 65536
 
 
 def geometry_of(shape_types: Iterable[int]) -> GeometryFlag:

@@ -44,6 +44,7 @@ class SceneTables:
     # (1,) vec2 where such clouds are solid: where less light than this share comes through, and how many Gaussians of a
     # cloud a ray blends at most; None where they are seen through
     splat_limits: Any = None
+    opaque_splats: bool = False  # see SplatFlag.OPAQUE
     moving: tuple[int, ...] = ()  # meshes whose corners move
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     world_overrides: Any = None  # WorldOverrides, if worlds have more for themselves than the tables say

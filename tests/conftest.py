@@ -32,7 +32,7 @@ import pytest
 import warp as wp
 
 gc.disable()  # until all is imported, which stays
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 fast_compile.install(ours=True)
 wp.init()
 os.environ.setdefault("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir)

@@ -24,6 +24,7 @@ from warpcam.render.renderer import Renderer
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.light import Light
 from warpcam.scene.scene import Scene
+from warpcam.sources.common.splats import Splats
 
 try:
     __version__ = _version("warpcam")
@@ -57,6 +58,7 @@ __all__ = [
     "Rays",
     "Renderer",
     "Scene",
+    "Splats",
     "ThinPrismFisheye",
     "Uniform",
     "WarpcamError",

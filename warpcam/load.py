@@ -12,6 +12,7 @@ from warpcam.scene.layers import check_planes
 from warpcam.scene.light import Light
 from warpcam.scene.scene import Scene
 from warpcam.sources.common.optional import import_source
+from warpcam.sources.common.splats import Splats, check_splats
 
 
 @preserve_cuda_context()
@@ -26,6 +27,7 @@ def from_mujoco_warp(
     reflections: bool | None = None,
     transparency: bool | None = None,
     planes_from_behind: bool = False,
+    splats: Splats | Sequence[Splats] | None = None,
 ) -> Scene:
     """The worlds of a MuJoCo-Warp simulation, read where they lie: nothing that changes is copied.
 
@@ -51,6 +53,7 @@ def from_mujoco_warp(
         planes_from_behind: Whether depth, ids and all else that is not lit see planes from behind as they see them
             from their front, and colours see them as transparent, as ``mujoco.Renderer`` does. False: planes are seen
             from their front alone, as MuJoCo-Warp's renderer does.
+        splats: Clouds of Gaussians in the worlds: see docs/splats.md.
     """
     seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.device").load(
@@ -62,6 +65,7 @@ def from_mujoco_warp(
         reflections=reflections,
         transparency=seen_through,
         planes_from_behind=bool(planes_from_behind),
+        splats=check_splats(splats),
     )
     return scene
 
@@ -78,6 +82,7 @@ def from_mujoco(
     reflections: bool | None = None,
     transparency: bool | None = None,
     planes_from_behind: bool = False,
+    splats: Splats | Sequence[Splats] | None = None,
 ) -> Scene:
     """Worlds of classic MuJoCo, copied to the device before each frame.
 
@@ -92,6 +97,7 @@ def from_mujoco(
         reflections: As ``from_mujoco_warp`` has it.
         transparency: As ``from_mujoco_warp`` has it.
         planes_from_behind: As ``from_mujoco_warp`` has it.
+        splats: As ``from_mujoco_warp`` has it.
     """
     seen_through = check_planes(transparency, planes_from_behind)
     scene: Scene = import_source("mujoco.host").load(
@@ -103,6 +109,7 @@ def from_mujoco(
         reflections=reflections,
         transparency=seen_through,
         planes_from_behind=bool(planes_from_behind),
+        splats=check_splats(splats),
     )
     return scene
 
@@ -254,6 +261,7 @@ def load(
     trusted: bool = False,
     search_paths: Sequence[Any] = (),
     limits: Limits | None = None,
+    splats: Splats | Sequence[Splats] | None = None,
 ) -> Scene:
     """The scene of a file in many worlds, read by what its name ends in.
 
@@ -278,6 +286,7 @@ def load(
             ``WarpcamError`` for a file elsewhere.
         search_paths: More folders that may be opened. What is not found where a file names it is looked for there.
         limits: Sizes of files, images, meshes and counts that are refused; None is ``Limits()``.
+        splats: Clouds of Gaussians in the worlds of .xml, .mjb and .urdf files: see docs/splats.md.
 
     Raises:
         WarpcamError: The file cannot be read, names files that it may not open, or something is over a limit.
@@ -296,4 +305,5 @@ def load(
         trusted=trusted,
         search_paths=search_paths,
         limits=limits,
+        splats=check_splats(splats),
     )

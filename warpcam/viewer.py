@@ -1,5 +1,6 @@
 """A scene in a browser: whoever opens the page looks around in it with a camera of their own."""
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +9,8 @@ from warpcam import outputs, visualize
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Pinhole
 from warpcam.core.errors import WarpcamError
+from warpcam.render.looks import LookName, looks_of
+from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
 from warpcam.scene.scene import Scene
 from warpcam.sensors import Rig
@@ -25,9 +28,12 @@ __all__ = ["Viewer"]
 
 FREE = "free"  # the camera that each page moves
 OUTPUTS = tuple(name for name in outputs.OUTPUTS if name not in ("rgba", "flow_valid"))
-SMOOTHED = ("rgb", "hdr")  # outputs with smooth edges
+LIT = ("rgb", "hdr")  # outputs with smooth edges, which looks are of
 TRUTH = "none"  # in place of a sensor's name: what is there
 QUALITY = 85  # of the pictures, which are sent as JPEG
+MOST_SAMPLES = 4096  # paths of each pixel, after which a picture is left as it is
+MOST_ADDED = 256  # between two pictures
+PACE = 1.0 / 15.0  # of pictures that are refined [s]: about so long are paths added to each
 
 
 class ClientCamera(NamedTuple):
@@ -53,19 +59,51 @@ class ViewSelection(NamedTuple):
     camera: str
     world: int
     sensor: str = TRUTH
+    look: LookName | None = None  # None is the scene's own
+
+    @property
+    def traces_paths(self) -> bool:
+        return self.look == "path" and self.output in LIT
+
+
+class ShownPicture(NamedTuple):
+    """What a page shows.
+
+    Attributes:
+        choice: With which controls it was drawn.
+        eye: The page's camera.
+        samples: Paths of each pixel; 0 where none are traced.
+    """
+
+    choice: ViewSelection
+    eye: ClientCamera
+    samples: int
+
+    def is_of(self, view: "tuple[ViewSelection, ClientCamera] | None") -> bool:
+        return (self.choice, self.eye) == view
 
 
 class Viewer:
     """Shows a scene to all who open its page, one world at a time, as the state is at each ``update()``.
 
     Pictures are rendered as any others are, on the scene's device; the browser shows them and tells where it looks
-    from. A page has controls for the output, the camera (its own or one of the scene's) and the world.
+    from. A page has controls for the output, the look, the camera (its own or one of the scene's) and the world. With
+    the look "path" a picture gets more paths at each ``update(moved=False)``, until it has 4,096 a pixel.
 
     Attributes:
         server: The ``viser.ViserServer`` behind it, for controls of your own: ``viewer.server.gui``.
     """
 
-    def __init__(self, scene: Scene, *, width: int = 960, height: int = 540, host: str = "127.0.0.1", port: int = 8080):
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        width: int = 960,
+        height: int = 540,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        look: LookName | None = None,
+    ):
         """Begin to serve the page.
 
         Args:
@@ -74,6 +112,7 @@ class Viewer:
             height: Likewise.
             host: Address of this machine to listen at; "0.0.0.0" lets others in the network look, too.
             port: There. If it is taken, the next that is free.
+            look: As ``Renderer`` takes it: the look of ``rgb`` and ``hdr`` that the page begins with.
 
         Raises:
             WarpcamError: An argument is not as described.
@@ -86,10 +125,13 @@ class Viewer:
         if not isinstance(host, str):
             raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
         self._scene, self._width, self._height = scene, int(width), int(height)
-        self._renderer: tuple[tuple[str, str, str], Renderer, Rig | None] | None = None
-        self._shown: dict[int, tuple[ViewSelection, ClientCamera]] = {}
+        self._renderer: tuple[tuple[str | None, ...], Renderer, Rig | None] | None = None
+        self._shown: dict[int, ShownPicture] = {}
+        self._traced: tuple[ViewSelection, ClientCamera] | None = None  # view of the paths that the renderer has
+        self._samples, self._added = 0, 1  # of these, and how many more come at once
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
-        self._renderer_of(ViewSelection("rgb", FREE, 0))
+        looks = looks_of(scene)
+        self._renderer_of(ViewSelection("rgb", FREE, 0, look=look))
         lower, upper = scene.bounds()
         start = batch_file.free_camera(None, lower, upper, width / height)
         self.server = viser.ViserServer(host, int(port), label="warpcam", verbose=False)
@@ -99,6 +141,8 @@ class Viewer:
         first.fov = float(np.radians(start["lens"].fovy))
         gui = self.server.gui
         self._output = gui.add_dropdown("Output", OUTPUTS, initial_value="rgb")
+        self._look = gui.add_dropdown("Look", looks, initial_value=look or looks[0], visible=len(looks) > 1)
+        self._paths: Any = gui.add_number("Paths a pixel", 0, disabled=True, visible=False)
         self._camera = gui.add_dropdown("Camera", (FREE, *self._cameras), initial_value=FREE)
         self._sensor = gui.add_dropdown("Sensor", (TRUTH, *CAMERA_MODELS), initial_value=TRUTH)
         last = scene.num_worlds - 1
@@ -113,10 +157,15 @@ class Viewer:
         """Draw the state as it is now for all who look; returns how many pictures were sent.
 
         Args:
-            moved: False draws only for those whose camera or choice is another one than in their last picture.
+            moved: False draws only for those whose camera or choice is another one than in their last picture, and
+                adds paths to a picture of the look "path". The state must be as it was then.
         """
         choice = ViewSelection(
-            str(self._output.value), str(self._camera.value), int(self._world.value), str(self._sensor.value)
+            str(self._output.value),
+            str(self._camera.value),
+            int(self._world.value),
+            str(self._sensor.value),
+            self._look.value,
         )
         clients = self.server.get_clients()
         self._shown = {number: shown for number, shown in self._shown.items() if number in clients}
@@ -124,10 +173,17 @@ class Viewer:
         for number, client in clients.items():
             camera = client.camera
             eye = ClientCamera(tuple(camera.position), tuple(camera.wxyz), float(camera.fov), float(camera.aspect))
-            if moved or self._shown.get(number) != (choice, eye):
-                client.scene.set_background_image(self.picture(choice, eye), "jpeg", jpeg_quality=QUALITY)
-                self._shown[number] = choice, eye
-                sent += 1
+            last = None if moved else self._shown.get(number)
+            if last is not None and last.is_of((choice, eye)):
+                if not self._may_refine(last):
+                    continue
+                picture = self._refined if last.is_of(self._traced) else self.picture
+            else:
+                picture = self.picture
+            client.scene.set_background_image(picture(choice, eye), "jpeg", jpeg_quality=QUALITY)
+            self._shown[number] = ShownPicture(choice, eye, self._samples)
+            sent += 1
+        self._paths.visible, self._paths.value = choice.traces_paths, self._samples
         return sent
 
     def picture(self, choice: ViewSelection, eye: ClientCamera) -> np.ndarray:
@@ -135,14 +191,44 @@ class Viewer:
 
         A scene's camera gets borders if the page is wider or higher.
         """
+        begun = time.perf_counter()
         renderer, rig = self._renderer_of(choice)
-        key = next(iter(renderer.images))
         if choice.camera == FREE:
             self._place(renderer, choice.world, eye)
-        images = renderer.render(worlds=[choice.world]) if rig is None else rig.read(worlds=[choice.world])
-        image = images[key][choice.output][choice.world : choice.world + 1]
-        shown = visualize.picture(choice.output, image.cpu().numpy())[0].copy()  # colours may be the renderer's own
+        if rig is None:
+            renderer.render(worlds=[choice.world])
+        else:
+            rig.read(worlds=[choice.world])
+        self._traced = (choice, eye) if choice.traces_paths else None
+        self._samples = 1 if choice.traces_paths else 0
+        return self._finished(choice, eye, self._added - 1, begun)
+
+    def _refined(self, choice: ViewSelection, eye: ClientCamera) -> np.ndarray:
+        """The last picture that was drawn, with more paths."""
+        return self._finished(choice, eye, self._added, time.perf_counter())
+
+    def _finished(self, choice: ViewSelection, eye: ClientCamera, added: int, begun: float) -> np.ndarray:
+        """The picture of what the renderer has drawn since ``begun`` [s], and of so many more paths."""
+        renderer, rig = self._renderer_of(choice)
+        added = min(added, MOST_SAMPLES - self._samples) if choice.traces_paths else 0
+        if added > 0:
+            renderer.accumulate(added)
+            self._samples += added
+        (images,) = (renderer if rig is None else rig).images.values()
+        image = images[choice.output][choice.world : choice.world + 1].cpu().numpy()
+        if choice.traces_paths:
+            self._added = _paced(self._added, time.perf_counter() - begun)
+        shown = visualize.picture(choice.output, image)[0].copy()  # colours may be the renderer's own
         return shown if choice.camera == FREE else _bordered(shown, eye.aspect)
+
+    def _may_refine(self, shown: ShownPicture) -> bool:
+        """Whether a page's picture gets more paths now: pages that look from elsewhere do one after the other."""
+        if not 0 < shown.samples < MOST_SAMPLES:
+            return False
+        others = (other for other in self._shown.values() if other is not shown)
+        return shown.is_of(self._traced) or not any(
+            other.is_of(self._traced) and other.samples < MOST_SAMPLES for other in others
+        )
 
     def close(self) -> None:
         """End the page."""
@@ -150,7 +236,8 @@ class Viewer:
 
     def _renderer_of(self, choice: ViewSelection) -> tuple[Renderer, Rig | None]:
         """The renderer for an output and a camera, and the rig of a sensor; made where the last picture had others."""
-        wanted = choice.output, choice.camera, choice.sensor
+        look = choice.look if choice.output in LIT else None
+        wanted = choice.output, choice.camera, choice.sensor, look
         if self._renderer is None or self._renderer[0] != wanted:
             self._renderer = None  # its memory first
             model = None if choice.sensor == TRUTH else CAMERA_MODELS[choice.sensor]()
@@ -163,10 +250,11 @@ class Viewer:
                 height=self._height,
                 outputs=tuple(dict.fromkeys((choice.output, *(() if model is None else model.outputs)))),
                 shadows=True,
-                antialiasing=4 if choice.output in SMOOTHED else 1,
+                antialiasing=4 if choice.output in LIT else 1,
                 **free,
             )
-            renderer = Renderer(self._scene, [camera])
+            paths = PathOptions(samples=1) if choice.traces_paths else None
+            renderer = Renderer(self._scene, [camera], look=look, path=paths)
             self._renderer = wanted, renderer, None if model is None else Rig(renderer, {camera.name: model})
         return self._renderer[1:]
 
@@ -179,6 +267,13 @@ class Viewer:
         arrays.position[world] = arrays.position.new_tensor(eye.position)
         arrays.rotation[world] = arrays.rotation.new_tensor((-x, w, z, -y))  # half a turn about its x
         arrays.intrinsics[world, :2] = arrays.intrinsics.new_tensor((wide, high))
+
+
+def _paced(added: int, seconds: float) -> int:
+    """How many paths of each pixel to add next, when the last so many took so long [s]."""
+    if seconds < 0.5 * PACE:
+        return min(2 * added, MOST_ADDED)
+    return max(added // 2, 1) if seconds > 2.0 * PACE else added
 
 
 def _bordered(picture: np.ndarray, aspect: float) -> np.ndarray:

@@ -25,6 +25,7 @@ IMAGES = {
     "instances": SplatFlag.INSTANCES,
     "semantics": SplatFlag.SEMANTICS,
 }
+IDS = ("segmentation", "bodies", "instances", "semantics")
 LIT = ("rgb", "rgba", "hdr")  # what an exposure changes
 REGION = 16  # side of what a block draws [pixels], SPLAT_REGION
 BLOCKS = 6  # on a multiprocessor: bounds the registers of a thread
@@ -62,8 +63,9 @@ def plan_splats(
     flags = flag_if(SplatFlag.BY_WORLD, tables.ids_by_world) | flag_if(SplatFlag.EXPOSED, exposed)
     flags |= flag_if(SplatFlag.SOLID, tables.splat_limits is not None)
     flags |= flag_if(SplatFlag.LINEAR, tables.physical is not None and "hdr" in images)
+    flags |= flag_if(SplatFlag.OPAQUE, tables.opaque_splats)
     for name, flag in IMAGES.items():
-        flags |= flag_if(flag, name in images)
+        flags |= flag_if(flag, name in images and not (tables.opaque_splats and name in IDS))
     capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])
     regions = launches.regions_of(request.width, request.height, (REGION, REGION))
     threads = launches.world_threads(regions, device)

@@ -65,7 +65,7 @@ class Format:
         return {
             "format": self.kind,
             "files": len(self.seeds),
-            "mutations": max(len(outcomes) + first - len(self.seeds), 0),
+            "mutations": len(outcomes) - min(len(outcomes), max(len(self.seeds) - first, 0)),
             **{kind: counts[kind] for kind in ("ok", "refused", "other", "signal", "hang")},
             "seconds": round(time.monotonic() - began, 1),
             "slowest": round(max((outcome.seconds for outcome in outcomes), default=0.0), 2),

@@ -29,15 +29,16 @@ MIRROR = '<geom type="plane" size="9 9 .1" pos="0 0 -1" material="mirror"/>'
 GLASS = '<geom size=".2" pos="1 -1 1" rgba="1 1 1 .5"/>'
 
 
-def scene_of(device: Any, num_worlds: int, more: str = "") -> wc.Scene:
-    """The model in worlds whose ball is each at another place."""
+def scene_of(device: Any, num_worlds: int, more: str = "", worlds: range | None = None) -> wc.Scene:
+    """The model in worlds whose ball is each at another place, or in some of these worlds alone."""
+    worlds = range(num_worlds) if worlds is None else worlds
     mjm = mujoco.MjModel.from_xml_string(MODEL.replace("</worldbody>", more + "</worldbody>"))
     mjd = mujoco.MjData(mjm)
     mujoco.mj_forward(mjm, mjd)
     with wp.ScopedDevice(device):
-        m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=num_worlds)
+        m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=len(worlds))
     positions = d.geom_xpos.numpy()
-    positions[:, mjm.geom_bodyid.tolist().index(1), 0] += np.linspace(-1.0, 1.0, num_worlds)
+    positions[:, mjm.geom_bodyid.tolist().index(1), 0] += np.linspace(-1.0, 1.0, num_worlds)[worlds]
     d.geom_xpos.assign(positions)
     return wc.from_mujoco_warp(mjm, m, d)
 

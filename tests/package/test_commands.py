@@ -35,10 +35,12 @@ warpcam.benchmarks.corpus: `tests/sources/usd/test_usd_broken.py`
 warpcam.benchmarks.conditions: `tests/benchmarks/test_conditions.py`
 warpcam.benchmarks.datasets: `tests/benchmarks/test_dataset_rates.py`
 warpcam.benchmarks.labels: `tests/benchmarks/test_label_costs.py`
+warpcam.benchmarks.looks: `tests/benchmarks/test_looks.py` `test_the_command_draws_a_scene_in_its_looks`
 warpcam.benchmarks.ray_casts: `tests/compat/test_mjlab_ray_casts.py`
 warpcam.benchmarks.training: `tests/benchmarks/test_training.py`
 warpcam.benchmarks.training_table: `tests/benchmarks/test_training.py`
 tests.fuzz: `tests/fuzz/test_fuzz.py`
+tests.path.compare_looks: `tests/path/test_compare_looks.py` `test_the_table`
 tests.other_projects: `tests/package/test_other_projects.py`
 torchrun: `tests/train/test_ranks.py` `test_two_processes_learn_the_same_weights_from_different_worlds`
 """

@@ -261,6 +261,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/newton.md": newton,
     "docs/outputs.md": outputs,
     "docs/path_tracing.md": usd,
+    "docs/splats.md": in_a_file,
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,
     "docs/sensors.md": looked_at,

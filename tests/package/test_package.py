@@ -62,6 +62,12 @@ def test_ci_runs_the_commands_of_the_readme() -> None:
         assert command in script
 
 
+def test_ci_tests_the_oldest_warp_that_is_allowed() -> None:
+    dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    (oldest,) = (each.removeprefix("warp-lang>=") for each in dependencies if each.startswith("warp-lang"))
+    assert f"'warp-lang=={oldest}.*'" in (ROOT / ".ci" / "run").read_text()
+
+
 def test_pictures_of_the_readme_are_small_and_there() -> None:
     names = re.findall(r"\((docs/images/[^)]+)\)", (ROOT / "README.md").read_text())
     assert names

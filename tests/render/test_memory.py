@@ -40,7 +40,7 @@ def scratch_by_the_docs(device: wp.Device, num_worlds: int, cameras: list[wc.Cam
         for name in each.outputs:
             bytes_a_pixel = OUTPUTS[name].channels * (1 if OUTPUTS[name].dtype is wp.uint8 else 4)
             images += num_worlds * each.width * each.height * bytes_a_pixel
-    bound = max(images // 2, 32 * 2**20)
+    bound, all_fit = max(images // 2, 32 * 2**20), 40 * 2**20 if images // 2 <= 32 * 2**20 else 0
     for each in cameras:
         outputs, buffers = set(each.outputs), []  # bytes a pixel of each
         if outputs - TRACED:
@@ -52,7 +52,7 @@ def scratch_by_the_docs(device: wp.Device, num_worlds: int, cameras: list[wc.Cam
             sum(-(-worlds * each.width * each.height * size // 256) * 256 for size in buffers)
             for worlds in (1, num_worlds)
         )
-        largest = max(largest, min(every, max(bound, one)))
+        largest = max(largest, every if every <= all_fit else min(every, max(bound, one)))
     return largest
 
 

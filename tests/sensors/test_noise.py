@@ -9,6 +9,10 @@ import warp as wp
 from measured_colors import Bench, measured
 
 from warpcam import sensors
+from warpcam.kernels.runtime.compile import compiler_flags
+from warpcam.sensors.kernels.electrons import few_electrons
+
+wp.set_module_options(compiler_flags())
 
 SIDE = 578  # 578 x 578 pixels of three channels are a million samples
 CAMERA: dict[str, Any] = {
@@ -52,6 +56,36 @@ def test_electrons_have_poissons_distribution(mean: float, device: wp.Device) ->
     expected = np.cumsum(np.exp(logarithms))
     found = np.cumsum(np.bincount(counts.astype(np.int64))) / counts.size
     assert np.abs(found - expected).max() < 5e-4 + 1.7 * error
+
+
+@wp.kernel(enable_backward=False)
+def count_few(means: wp.array(dtype=float), uniforms: wp.array(dtype=float), counts: wp.array(dtype=float)):
+    place = wp.tid()
+    counts[place] = few_electrons(means[place], uniforms[place])
+
+
+def test_numbers_of_few_electrons_begin_where_the_distribution_function_says(device: wp.Device) -> None:
+    means, order = np.meshgrid(np.float32([0.0, 0.001, 0.1, 0.5, 1.0, 2.0, 3.3, 3.9999]), np.arange(19))
+    logarithms = order * np.log(np.maximum(means, 1e-30)) - means - np.vectorize(math.lgamma)(order + 1.0)
+    ends = np.cumsum(np.exp(logarithms.astype(np.float64)), axis=0)  # chances of at most so many
+    for shift in (-1e-6, 1e-6):
+        uniforms = np.clip(ends + shift, 0.0, 1.0 - 2.0**-24)
+        numbers = [wp.array(values.ravel(), dtype=float, device=device) for values in (means, uniforms)]
+        counts = wp.zeros(order.size, dtype=float, device=device)
+        wp.launch(count_few, order.size, [*numbers, counts], device=device)
+        found, is_sure = counts.numpy().reshape(order.shape), ends + abs(shift) < 1.0 - 4e-7
+        expected = np.array([[(ends[:, m] <= uniforms[n, m]).sum() for m in range(ends.shape[1])] for n in range(19)])
+        assert (found == expected)[is_sure].all() and is_sure.sum() > 60
+
+
+def test_dark_channels_are_independent_of_bright_ones(device: wp.Device) -> None:
+    light = np.broadcast_to(np.float32([2.0, 50.0, 3.0]) / 5000.0, (1, SIDE, SIDE, 3))
+    counts = np.rint(measured(sensors.ShotNoise(5000.0), light, device) * 5000.0).reshape(-1, 3)
+    assert np.abs(counts.mean(axis=0) / [2.0, 50.0, 3.0] - 1.0).max() < 0.01
+    assert np.abs(counts.var(axis=0) / [2.0, 50.0, 3.0] - 1.0).max() < 0.02
+    assert np.abs(np.corrcoef(counts.T) - np.eye(3)).max() < 0.01
+    squares = (counts - counts.mean(axis=0)) ** 2
+    assert np.abs(np.corrcoef(squares.T) - np.eye(3)).max() < 0.01
 
 
 def test_no_light_gives_no_electrons(device: wp.Device) -> None:

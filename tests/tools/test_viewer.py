@@ -119,38 +119,131 @@ def test_a_sensor_of_choice_measures(viewer: Viewer, camera: str) -> None:
     assert (viewer.picture(ViewSelection("depth", camera, 0), eye(1.5)) == truth).all()
 
 
-def test_only_what_has_changed_is_drawn(viewer: Viewer, simulated: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    mjm, (state, _) = simulated
-    sent: dict[int, list[np.ndarray]] = {0: [], 1: []}
-
-    def page(number: int) -> Any:
-        seen = eye(1.5)._asdict()
-        camera = SimpleNamespace(**{name: np.array(value) for name, value in seen.items()})
-        keep = sent[number].append
-        return SimpleNamespace(
-            camera=camera, scene=SimpleNamespace(set_background_image=lambda image, *_, **__: keep(image))
-        )
-
+@pytest.fixture
+def open_page(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Opens a page of a number: its camera, and the pictures that it has been sent."""
     pages: dict[int, Any] = {}
     monkeypatch.setattr(viewer.server, "get_clients", lambda: dict(pages))
+
+    def open_one(number: int) -> tuple[Any, list[np.ndarray]]:
+        sent: list[np.ndarray] = []
+        camera = SimpleNamespace(**{name: np.array(value) for name, value in eye(1.5)._asdict().items()})
+        keep = SimpleNamespace(set_background_image=lambda image, *_, **__: sent.append(image))
+        pages[number] = SimpleNamespace(camera=camera, scene=keep)
+        return camera, sent
+
+    return open_one
+
+
+def test_only_what_has_changed_is_drawn(viewer: Viewer, simulated: Any, open_page: Any) -> None:
+    mjm, (state, _) = simulated
     assert viewer.update() == 0
-    pages[0] = page(0)
+    _, first = open_page(0)
     assert viewer.update(moved=False) == 1
     assert viewer.update(moved=False) == 0
-    pages[1] = page(1)
+    camera, second = open_page(1)
     assert viewer.update(moved=False) == 1
-    np.testing.assert_array_equal(sent[0][-1], sent[1][-1])
-    pages[1].camera.position = np.add(pages[1].camera.position, (0.0, 0.0, 0.4))
+    np.testing.assert_array_equal(first[-1], second[-1])
+    camera.position = np.add(camera.position, (0.0, 0.0, 0.4))
     assert viewer.update(moved=False) == 1
-    assert (sent[0][-1] != sent[1][-1]).any()
+    assert (first[-1] != second[-1]).any()
     state.qpos[2] += 0.3
     mujoco.mj_forward(mjm, state)
     assert viewer.update() == 2
-    assert (sent[0][-1] != sent[0][-2]).any()
+    assert (first[-1] != first[-2]).any()
     viewer._output.value = "depth"
     assert viewer.update(moved=False) == 2
-    assert (sent[0][-1] != sent[0][-2]).any()
-    assert (len(sent[0]), len(sent[1])) == (3, 4)
+    assert (first[-1] != first[-2]).any()
+    assert (len(first), len(second)) == (3, 4)
+
+
+def traced(viewer: Viewer, samples: int, position: Any = PLACE) -> np.ndarray:
+    """World 0 by so many paths a pixel, of a camera at PLACE or moved from there without a turn."""
+    own = wc.Camera(
+        "own",
+        width=48,
+        height=32,
+        outputs=("rgb",),
+        lens=wc.Pinhole(fovy=50.0),
+        position=position,
+        rotation=scenes.looking(PLACE, TARGET),
+    )
+    renderer = wc.Renderer(viewer._scene, [own], look="path", path=wc.PathOptions(samples=samples))
+    return renderer.render()["own"]["rgb"][0].cpu().numpy()
+
+
+def assert_alike(picture: np.ndarray, expected: np.ndarray) -> None:
+    """But for paths that rounding of the camera's pose sends elsewhere."""
+    assert (picture != expected).any(-1).mean() < 0.02
+
+
+def test_looks_are_those_of_the_scene(viewer: Viewer, device: wp.Device) -> None:
+    assert viewer._look.options == ("mujoco", "pbr", "path")
+    pictures = {
+        name: viewer.picture(ViewSelection("rgb", "above", 0, look=name), eye(1.5)) for name in ("mujoco", "pbr")
+    }
+    assert (pictures["mujoco"] != pictures["pbr"]).any()
+    for name, picture in pictures.items():
+        own = wc.Camera("above", width=48, height=32, outputs=("rgb",), shadows=True, antialiasing=4)
+        image = wc.Renderer(viewer._scene, [own], look=name).render()["above"]["rgb"][0].cpu().numpy()
+        np.testing.assert_array_equal(picture, image)
+    file = Path(__file__).parents[2] / "warpcam" / "data" / "vase.obj"
+    other = Viewer(wc.load(file, device=device), width=16, height=16, port=18080, look="path")
+    assert (other._look.options, other._look.value) == (("pbr", "path"), "path")
+    other.close()
+
+
+def test_paths_are_added_while_nothing_moves(
+    viewer: Viewer, simulated: Any, open_page: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until a picture has its fill; what moves begins anew."""
+    monkeypatch.setattr(viewers, "MOST_SAMPLES", 12)
+    monkeypatch.setattr(viewers, "_paced", lambda added, seconds: 4)
+    mjm, (state, _) = simulated
+    camera, sent = open_page(0)
+    viewer._look.value = "path"
+    shown = []
+    while viewer.update(moved=False):
+        shown.append(viewer._paths.value)
+    assert viewer._paths.visible
+    assert shown == [1, 5, 9, 12]
+    for picture, samples in zip(sent, shown, strict=True):
+        assert_alike(picture, traced(viewer, samples))
+    camera.position = np.add(PLACE, (0.0, 0.0, 0.4))
+    assert [viewer.update(moved=False) for _ in range(4)] == [1, 1, 1, 0]  # 4, 8 and 12 paths
+    assert_alike(sent[-3], traced(viewer, 4, camera.position))
+    assert_alike(sent[-1], traced(viewer, 12, camera.position))
+    state.qpos[2] += 0.3
+    mujoco.mj_forward(mjm, state)
+    assert viewer.update() == 1
+    assert viewer._paths.value == 4
+    assert_alike(sent[-1], traced(viewer, 4, camera.position))
+    viewer._output.value = "depth"  # which no light changes
+    assert [viewer.update(moved=False) for _ in range(2)] == [1, 0]
+    assert not viewer._paths.visible
+
+
+def test_pages_that_look_from_elsewhere_get_their_paths_one_after_the_other(
+    viewer: Viewer, open_page: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewers, "MOST_SAMPLES", 8)
+    monkeypatch.setattr(viewers, "_paced", lambda added, seconds: 4)
+    viewer._look.value = "path"
+    _, first = open_page(0)
+    camera, second = open_page(1)
+    camera.position = np.add(PLACE, (0.0, 0.0, 0.4))
+    assert [viewer.update(moved=False) for _ in range(5)] == [2, 1, 1, 1, 0]
+    assert_alike(first[-1], traced(viewer, 8))
+    assert_alike(second[-1], traced(viewer, 8, camera.position))
+    assert (len(first), len(second)) == (3, 2)
+
+
+def test_paths_come_as_fast_as_they_are_drawn() -> None:
+    added = [16]
+    for seconds in (0.001, 0.001, viewers.PACE, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0):
+        added.append(viewers._paced(added[-1], seconds))
+    assert added == [16, 32, 64, 64, 32, 16, 8, 4, 2, 1, 1]
+    assert viewers._paced(viewers.MOST_ADDED, 0.001) == viewers.MOST_ADDED
 
 
 def test_the_page_is_served(viewer: Viewer) -> None:
@@ -167,6 +260,7 @@ def test_the_page_is_served(viewer: Viewer) -> None:
         ({"port": 70000}, "port must be a whole number from 1 to 65535"),
         ({"host": 8080}, "host must be an address"),
         ({"scene": "demo.xml"}, "scene must be a Scene, got str"),
+        ({"look": "toon"}, "look is 'toon'; allowed are 'mujoco', 'pbr', 'path'"),
     ],
 )
 def test_wrong_arguments_are_told(changes: dict[str, Any], told: str) -> None:
@@ -229,13 +323,27 @@ def test_the_command_serves_a_file_until_interrupted(
     seen: list[bool] = []
 
     def update(self: Viewer, moved: bool) -> int:
+        assert self._look.value == "pbr"
         seen.append(moved)
         if len(seen) == 4:
             raise KeyboardInterrupt
         return 0
 
     monkeypatch.setattr(viewers.Viewer, "update", update)
-    arguments = ["view", path, "--worlds", "2", "--size", "32x24", "--device", "cpu", "--port", "18090"]
+    arguments = [
+        "view",
+        path,
+        "--worlds",
+        "2",
+        "--size",
+        "32x24",
+        "--device",
+        "cpu",
+        "--port",
+        "18090",
+        "--look",
+        "pbr",
+    ]
     assert cli.main([str(argument) for argument in arguments]) == 0
     assert "http://127.0.0.1:180" in capsys.readouterr().out
     assert any(seen) == (path.suffix == ".xml")

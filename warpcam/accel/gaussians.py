@@ -29,6 +29,7 @@ class GaussianCloud:
         opacities: (gaussian,) float32, in [0, 1].
         colors: (gaussian, 3) float32, display colour, not below 0.
         least_response: In (0, 1): where a Gaussian has fallen to this part of its peak it ends.
+        least_alpha: In (0, 1): where its alpha falls to this it ends, too.
     """
 
     name: str
@@ -38,6 +39,7 @@ class GaussianCloud:
     opacities: np.ndarray
     colors: np.ndarray
     least_response: float
+    least_alpha: float = MIN_ALPHA
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,10 +110,10 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
 def _gaussians(cloud: GaussianCloud) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows (gaussian, 4, 4) of those that can be seen, and corners of their boxes."""
     _check(cloud)
-    seen = (cloud.opacities > MIN_ALPHA) & (cloud.scales > 0.0).all(axis=1)
+    seen = (cloud.opacities > cloud.least_alpha) & (cloud.scales > 0.0).all(axis=1)
     centers = cloud.positions[seen].astype(np.float64)
     opacities, scales = cloud.opacities[seen].astype(np.float64), cloud.scales[seen].astype(np.float64)
-    reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / MIN_ALPHA))
+    reach = np.minimum(-2.0 * np.log(cloud.least_response), 2.0 * np.log(opacities / cloud.least_alpha))
     axes = rotation_matrices(cloud.rotations[seen].astype(np.float64))  # columns
     radii = scales * np.sqrt(reach)[:, None]
     rows = np.zeros((len(centers), 4, 4), np.float32)

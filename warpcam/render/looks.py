@@ -21,6 +21,16 @@ FEW = 3  # materials that a warning names
 _told: WeakSet[SceneDescription] = WeakSet()  # whose transmission has been told of
 
 
+def looks_of(scene: Scene) -> tuple[LookName, ...]:
+    """Looks that a scene can be rendered in, its own first."""
+    parts = scene.description()
+    own: tuple[LookName, ...] = ("pbr",) if parts.physical else ("mujoco",)
+    if not parts.physical and parts.as_physical is None:
+        return own
+    others: tuple[LookName, ...] = ("pbr", "path") if scene.tables().splats is None else ("pbr",)
+    return tuple(dict.fromkeys((*own, *others)))
+
+
 class Look:
     """What a renderer was asked for.
 

@@ -24,6 +24,8 @@ from warpcam.kernels.plan.frame import FramePlan
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
+# Where they are small and all worlds have room then, this: a last group of few worlds takes long for what it draws.
+FOR_ALL = 40 * 2**20
 ALIGNMENT = 256  # of a buffer [bytes]
 
 Name = TypeVar("Name", bound=Hashable)
@@ -85,11 +87,7 @@ class Scratch:
         self._cameras, self._plans, self._num_worlds, self._device = cameras, plans, num_worlds, device
         self._block = wp.empty((0, ALIGNMENT), dtype=wp.uint8, device=device)
         images = sum(sum(image_bytes(camera, num_worlds).values()) for camera in cameras.values())
-        allowed = max(images // 2, ALWAYS_ALLOWED)
-        self.size = max(
-            (min(self._bytes(key, num_worlds), max(allowed, self._bytes(key, 1))) for key in cameras),
-            default=0,
-        )
+        self.size = max((self._room(key, images // 2) for key in cameras), default=0)
 
     def allocate(self) -> None:
         rows = -(-self.size // ALIGNMENT)  # of one dimension it could not have 2^31 bytes
@@ -267,6 +265,12 @@ class Scratch:
             name: _aligned(worlds * height * width * wp.types.type_size_in_bytes(dtype))
             for name, dtype, (height, width) in self._plans[key].scratch(camera.width, camera.height)
         }
+
+    def _room(self, key: str | int, half: int) -> int:
+        """Bytes for all worlds of a camera, or for as many as the half of the images allows."""
+        everything = self._bytes(key, self._num_worlds)
+        allowed = FOR_ALL if half <= ALWAYS_ALLOWED and everything <= FOR_ALL else max(half, ALWAYS_ALLOWED)
+        return min(everything, max(allowed, self._bytes(key, 1)))
 
     def _bytes(self, key: str | int, worlds: int) -> int:
         return sum(self._needed(key, worlds).values())

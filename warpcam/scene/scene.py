@@ -20,17 +20,7 @@ from warpcam.kernels.passes.world_overrides import without_background
 from warpcam.kernels.plan.shading import has_plane_path, has_strips
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage, run
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import (
-    HEIGHT_FIELD,
-    MESH,
-    SKY_TERMS,
-    SPLATS,
-    Background,
-    Lights,
-    Materials,
-    Physical,
-    Shapes,
-)
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, SKY_TERMS, SPLATS, Background, Lights, Materials, Physical, Shapes
 from warpcam.scene.bounds import Bounds, bounds_of
 from warpcam.scene.planes import Planes
 from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, SceneDescription, Source, live_arrays_of
@@ -58,6 +48,7 @@ class Scene:
             "bodies": len(parts.bodies),
             "cameras": len(parts.cameras),
             "terms of the sky": SKY_TERMS + 1,
+            "splats": len(parts.splat_counts),
         }
         self._fields = live_arrays_of(parts)
         check_description(parts, self._counts)
@@ -82,8 +73,7 @@ class Scene:
                 self._mips = pack_mips(parts.textures, self._textures, self.device)
         parts.lend_textures(self._textures)
         self._masked = pack_masks(parts.meshes, self._textures, self._meshes, self.device)
-        clouds = self._clouds()
-        self._splats = pack_gaussians(parts.clouds, clouds, self.device) if clouds else None
+        self._splats = pack_gaussians(parts.clouds, self._clouds(), self.device) if self._clouds() else None
         self._drawn, self._casting = (
             None if columns is None else self._ints(columns) for columns in (parts.drawn, parts.casting)
         )
@@ -150,8 +140,9 @@ class Scene:
 
     def count_of(self, name: str) -> int | None:
         """Return the number of values that the indices in an array of ``vary`` may take, None for other arrays."""
-        images = len(self._parts.textures)
-        return {"shape_materials": self._parts.num_materials, "material_texture": images, "skybox": images}.get(name)
+        parts, images = self._parts, len(self._parts.textures)
+        counts = {"shape_materials": parts.num_materials, "material_texture": images, "skybox": images}
+        return min(parts.splat_counts) if name == "splat_choice" else counts.get(name)
 
     def cubes(self) -> list[int]:
         """Textures that may be a skybox."""
@@ -233,8 +224,8 @@ class Scene:
         afterwards, for some names need kernels of their own.
 
         Args:
-            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", or one that begins with
-                "material_" or "light_": see docs/randomize.md.
+            name: "shape_colors", "shape_materials", "headlight", "background", "skybox", "splat_choice", or one that
+                begins with "material_" or "light_": see docs/randomize.md.
         """
         if not isinstance(name, str) or name not in self._own:
             self.tables()
@@ -349,6 +340,7 @@ class Scene:
             moving=self._moving,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
+            opaque_splats=parts.opaque_splats,
             splat_limits=parts.splat_limits,
             labels=self._labels,
             casters=None if self._casting is None else self._shapes(arrays, self._casting),

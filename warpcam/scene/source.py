@@ -83,6 +83,8 @@ class SceneDescription:
             ids say all.
         casting: Those of ``drawn`` that cast shadows, ascending; None: all of them.
         clouds: What ``shape_assets`` counts for shapes of type SPLATS, none of which is in ``drawn``.
+        splat_counts: (place,), how many of ``clouds`` each shape that a user added chooses from, see ``SPLAT_ARRAYS``.
+        opaque_splats: Whether clouds are drawn as MuJoCo-Warp draws them: see ``kernels.flags.SplatFlag``.
         splat_limits: See ``kernels.scene_tables.SceneTables``; None where clouds are seen through.
         lend_textures: Called with the packed ``textures`` before the first frame, for sources that paint some of them.
     """
@@ -119,6 +121,8 @@ class SceneDescription:
     objects: np.ndarray | None = None
     casting: Sequence[int] | None = None
     clouds: Sequence[GaussianCloud] = ()
+    splat_counts: Sequence[int] = ()
+    opaque_splats: bool = False
     splat_limits: wp.array | None = None
     lend_textures: Callable[[Textures], None] = lambda textures: None
 
@@ -202,15 +206,21 @@ PBR_LIVE_ARRAYS: Mapping[str, LiveArray] = {
     "sky": LiveArray(wp.vec3, "terms of the sky"),
 }
 
+# Those that scenes with clouds of the user's have beside.
+SPLAT_ARRAYS: Mapping[str, LiveArray] = {
+    "splat_choice": LiveArray(wp.int32, "splats", every_world=True),  # which of its clouds is there, or -1 for none
+}
+
 
 def live_arrays_of(parts: SceneDescription) -> Mapping[str, LiveArray]:
     """The arrays that a source of such parts has."""
+    splats = SPLAT_ARRAYS if parts.splat_counts else {}
     if not parts.physical:
-        return LIVE_ARRAYS
+        return {**LIVE_ARRAYS, **splats}
     texture = (
         replace(LIVE_ARRAYS["material_texture"], more=(NUM_ROLES,)) if parts.maps else LIVE_ARRAYS["material_texture"]
     )
-    return {**LIVE_ARRAYS, **PBR_LIVE_ARRAYS, "material_texture": texture}
+    return {**LIVE_ARRAYS, **PBR_LIVE_ARRAYS, "material_texture": texture, **splats}
 
 
 class ColorBlend(Protocol):

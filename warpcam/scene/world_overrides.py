@@ -11,7 +11,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.passes.world_overrides import bind_light_intensity, bind_shape_colors, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.scene.source import LiveArray, SceneDescription, Source, live_arrays_of
+from warpcam.scene.source import SPLAT_ARRAYS, LiveArray, SceneDescription, Source, live_arrays_of
 from warpcam.scene.validation import check_array
 
 # What no simulator holds: dtype and what its second dimension counts, "" for none.
@@ -42,7 +42,7 @@ def override_names(parts: SceneDescription) -> tuple[str, ...]:
     more = [name for name, (_, rows) in EXTRA_OVERRIDES.items() if counts.get(rows, 1)]
     if parts.physical or not any(image.kind == "cube" for image in parts.textures):
         more.remove("skybox")  # a dome's image is light as well
-    return (*shapes, *rest, *more)
+    return (*shapes, *rest, *more, *(SPLAT_ARRAYS if parts.splat_counts else ()))
 
 
 class WorldOverrides:

@@ -14,7 +14,7 @@ from warpcam.core import torch_interop
 from warpcam.core.arrays import as_numbers, per_world
 from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
-from warpcam.kernels.runtime.indices import strips_of
+from warpcam.kernels.runtime.indices import COLOR_STRIP, strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.sensors.kernels.color_images import color_source, color_target
 from warpcam.sensors.kernels.random import Randomness
@@ -163,8 +163,10 @@ class EffectFrame:
         return bind_launch(kernel, len(self.worlds) * strips_of(self.width, self.height), inputs, self.device)
 
     def per_color_strip(self, kernel: wp.Kernel, parameters: Sequence[Any]) -> Stage:
-        """Bind such a kernel of mask, size, parameters, ``ColorSource`` and ``ColorTarget``."""
-        return self.per_strip(kernel, [self.mask, self.size, *parameters, self.color_source, self.color_target])
+        """Bind a kernel of mask, size, parameters, ``ColorSource`` and ``ColorTarget``, by ``color_strip_of``."""
+        strips = strips_of(self.width, self.height, COLOR_STRIP)
+        inputs = [self.mask, self.size, *parameters, self.color_source, self.color_target]
+        return bind_launch(kernel, len(self.worlds) * strips, inputs, self.device)
 
     def per_world(self, kernel: wp.Kernel, inputs: Sequence[Any]) -> Stage:
         """Bind a kernel with a thread for each world."""

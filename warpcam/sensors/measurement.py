@@ -14,7 +14,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
-from warpcam.kernels.runtime.indices import strips_of
+from warpcam.kernels.runtime.indices import COLOR_STRIP, STRIP, strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.drawn_cameras import drawn_cameras
 from warpcam.render.renderer import Renderer
@@ -336,10 +336,10 @@ class Measurement:
         self, source: wp.array, target: wp.array, truth: Images, worlds: range, mask: wp.array
     ) -> Sequence[Stage]:
         images = [color_source(source), color_target(target, truth, False)]
-        return [self._per_strip(apply_srgb, worlds, [mask, self._size, *images])]
+        return [self._per_strip(apply_srgb, worlds, [mask, self._size, *images], COLOR_STRIP)]
 
-    def _per_strip(self, kernel: wp.Kernel, worlds: range, inputs: Sequence[Any]) -> Stage:
-        return bind_launch(kernel, len(worlds) * strips_of(self.width, self.height), inputs, self._device)
+    def _per_strip(self, kernel: wp.Kernel, worlds: range, inputs: Sequence[Any], rows: int = STRIP) -> Stage:
+        return bind_launch(kernel, len(worlds) * strips_of(self.width, self.height, rows), inputs, self._device)
 
     @property
     def _size(self) -> wp.vec2i:

@@ -15,6 +15,7 @@ from warpcam.scene.validation import check_num_worlds, check_unit
 from warpcam.sources.common.formats import MESHES, MUJOCO, USD
 from warpcam.sources.common.optional import import_source
 from warpcam.sources.common.scene_graph import SceneGraph
+from warpcam.sources.common.splats import Splats
 from warpcam.sources.robots.packages import check_packages
 
 
@@ -31,6 +32,7 @@ def load(
     search_paths: Sequence[Any] = (),
     limits: Limits | None = None,
     add: Callable[[SceneGraph], None] | None = None,
+    splats: Sequence[Splats] = (),
 ) -> Scene:
     """See ``warpcam.load``; ``add`` adds to what a file of meshes has before a scene is made of it."""
     if not isinstance(path, str | Path):
@@ -48,6 +50,8 @@ def load(
     check_tristate("transparency", transparency)
     if packages and kind != ".urdf":
         raise WarpcamError(f"load: packages is for .urdf files, not for {kind} files")
+    if splats and kind not in MUJOCO:
+        raise WarpcamError(f"load: splats is for {', '.join(MUJOCO)} files, not for {kind} files")
     folders = check_packages(packages, "load")
     access = FileAccess(file, trusted, search_paths, limits)
     if kind in USD:
@@ -71,7 +75,7 @@ def load(
             file, num_worlds=int(num_worlds), seed=None, device=resolve(device), packages=folders, access=access
         )
         worlds: Scene = import_source("mujoco.device").load(
-            put.host, put.model, put.data, (0, 1, 2), transparency=transparency
+            put.host, put.model, put.data, (0, 1, 2), transparency=transparency, splats=splats
         )
         return worlds
     try:

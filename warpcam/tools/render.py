@@ -4,7 +4,7 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -86,6 +86,7 @@ def add(command: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     width, height, device = scene_options.check(options)
     _check_folder(options.out)
+    splats = scene_options.splats_of(options)
     outputs = [name.strip() for name in options.outputs.split(",") if name.strip()]
     if options.sensor and "depth" not in outputs:
         raise WarpcamError(
@@ -105,7 +106,7 @@ def run(options: argparse.Namespace) -> int:
             scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
             progress.update(steps, description="building and compiling", advance=1)
         else:
-            host, scene, still = _still_worlds(path, options, device)
+            host, scene, still = _still_worlds(path, options, device, splats)
             progress.update(steps, description="building and compiling", advance=1)
         model = _sensor(options.sensor) if options.sensor else None
         drawn = outputs if model is None else tuple(dict.fromkeys((*outputs, *model.outputs)))
@@ -156,13 +157,15 @@ def _check_folder(folder: Path) -> None:
         raise WarpcamError(f"--out: {str(folder)!r} cannot be written, as {str(there)!r} cannot; give another folder")
 
 
-def _still_worlds(path: Path, options: argparse.Namespace, device: wp.Device) -> tuple[Any, Any, Any]:
+def _still_worlds(
+    path: Path, options: argparse.Namespace, device: wp.Device, splats: Sequence[warpcam.Splats]
+) -> tuple[Any, Any, Any]:
     """The model of a file, the scene of worlds with joints at random, and its source."""
     os.environ.setdefault("MUJOCO_GL", "disable")  # MuJoCo imports a library of windows otherwise, for nothing here
     access = FileAccess(path, **scene_access.options_of(options))
     host, state = batch_file.read(path, access=access)
     positions = batch_file.joint_positions(host, state.qpos, num_worlds=options.worlds, seed=options.seed)
-    return host, *import_source("mujoco.still").load(host, state, positions, device)
+    return host, *import_source("mujoco.still").load(host, state, positions, device, splats)
 
 
 def _sensor(name: str) -> Any:

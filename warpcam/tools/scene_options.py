@@ -3,11 +3,14 @@
 import argparse
 from pathlib import Path
 
+import numpy as np
 import warp as wp
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
 from warpcam.sources.common import formats
+from warpcam.sources.common.splats import Splats
+from warpcam.sources.mujoco import batch_file
 from warpcam.tools import scene_access
 from warpcam.tools.image_size import image_size
 
@@ -22,10 +25,28 @@ def add(command: argparse.ArgumentParser, worlds: int, size: str) -> None:
         help=f"a file: {', '.join((*formats.MUJOCO, *formats.USD, *formats.MESHES))} (default: a demo scene)",
     )
     scene_access.add(command)
+    command.add_argument(
+        "--splats",
+        nargs="+",
+        default=[],
+        type=Path,
+        metavar="PLY",
+        help="Gaussian splats in the worlds of an .xml, .mjb or .urdf file, each world the next of these files in turn",
+    )
     command.add_argument("--worlds", type=int, default=worlds, metavar="N", help="default: %(default)s")
     command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
     command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
     command.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+
+def splats_of(options: argparse.Namespace) -> list[Splats]:
+    """The argument ``splats`` of ``warpcam.load``."""
+    if not options.splats:
+        return []
+    kind = (options.scene or batch_file.DEMO).suffix.lower()
+    if kind not in formats.MUJOCO:
+        raise WarpcamError(f"--splats: it is for {', '.join(formats.MUJOCO)} files, not for {kind} files")
+    return [Splats(options.splats, choice=np.arange(options.worlds) % len(options.splats))]
 
 
 def check(options: argparse.Namespace) -> tuple[int, int, wp.Device]:

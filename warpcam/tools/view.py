@@ -2,10 +2,11 @@
 
 import argparse
 import time
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
 import warpcam
 from warpcam.core.file_access import FileAccess
+from warpcam.render.looks import LookName
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import scene_access, scene_options
@@ -24,20 +25,24 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--port", type=int, default=8080, metavar="P", help="there (default: %(default)s, or the next)"
     )
+    command.add_argument(
+        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
+    )
 
 
 def run(options: argparse.Namespace) -> int:
     from warpcam.viewer import Viewer  # which needs viser
 
     width, height, device = scene_options.check(options)
+    splats = scene_options.splats_of(options)
     path, simulation = options.scene or batch_file.DEMO, None
     if path.suffix.lower() in (*formats.USD, *formats.MESHES):
         scene = warpcam.load(path, options.worlds, device=device, **scene_access.options_of(options))
     else:
         access = FileAccess(path, **scene_access.options_of(options))
         simulation = Simulation(path, options.worlds, options.seed, access)
-        scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device)
-    viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port)
+        scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device, splats=splats)
+    viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port, look=options.look)
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
     try:
         _look(viewer, simulation)

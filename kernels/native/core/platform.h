@@ -76,6 +76,17 @@ template <class Value> WARPCAM_DEVICE AlignedArray<unsigned, sizeof(Value)> load
     return load_vector<sizeof(Value)>(reinterpret_cast<const unsigned*>(from));
 }
 
+// An address in global memory in a register of its own, to which places are added: else the compiler adds what it is
+// made of to each place.
+template <class Value> WARPCAM_DEVICE Value* keep_address(Value* address)
+{
+#if defined(__CUDA_ARCH__)
+    asm("" : "+l"(address));
+    __builtin_assume(__isGlobal(address));
+#endif
+    return address;
+}
+
 #if defined(__CUDA_ARCH__)
 WARPCAM_DEVICE float min(float a, float b) { return fminf(a, b); }
 WARPCAM_DEVICE float max(float a, float b) { return fmaxf(a, b); }

@@ -81,6 +81,16 @@ WARPCAM_DEVICE void block_sync()
 #endif
 }
 
+// Whether it is so for any thread of a block, which meets.
+WARPCAM_DEVICE bool block_any(bool is_so)
+{
+#if defined(__CUDA_ARCH__)
+    return __syncthreads_or(is_so);
+#else
+    return is_so;
+#endif
+}
+
 WARPCAM_DEVICE void warp_sync()
 {
 #if defined(__CUDA_ARCH__)

@@ -31,8 +31,17 @@ struct BlurPlace {
 
 WARPCAM_DEVICE BlurPlace blur_place(int piece, int width)
 {
-    const int strip = piece / width, column = piece - strip * width, first = column % 3;
+    const int strip = unsigned(piece) / unsigned(width), column = piece - strip * width, first = column % 3;
     return { column, BLUR_ROWS * strip, first, width - 3 + first };
+}
+
+// Writes the numbers of a place in a world's image; width is that of rows of numbers.
+template <class Target> WARPCAM_DEVICE void set_place(const Target& target, int world, BlurPlace place, int width,
+                                                      int height, const float (&values)[BLUR_ROWS])
+{
+    const int across = width / 3;
+    const size_t pixel = size_t(world) * (across * height) + (place.top * across + place.column / 3);
+    set_column(target, pixel, place.first, across, height - place.top, values);
 }
 
 WARPCAM_DEVICE int blur_pieces(int width, int height) { return width * ((height + BLUR_ROWS - 1) / BLUR_ROWS); }
@@ -144,10 +153,11 @@ template <bool INSIDE> WARPCAM_DEVICE void blur_nearby(const float* image, BlurP
         after[k] = INSIDE ? distance : min(distance, place.last - place.column);
     }
     constexpr int ROWS = BLUR_ROWS + 2 * NEAR_PIXELS;
+    const float* numbers = keep_address(image + place.column);
     float across[ROWS];
 #pragma unroll
     for (int row = 0; row < ROWS; ++row) {
-        const float* middle = image + (max(min(place.top + row - NEAR_PIXELS, height - 1), 0) * width + place.column);
+        const float* middle = numbers + max(min(place.top + row - NEAR_PIXELS, height - 1), 0) * width;
         float total = middle[0];
 #pragma unroll
         for (int k = 0; k < NEAR_PIXELS; ++k)
@@ -172,9 +182,13 @@ WARPCAM_DEVICE void blur_numbers(const float* image, const float* rows, BlurPlac
 {
     const BlurWeights gaussian = blur_weights(sigma);
     const int reach = 3 * NEAR_PIXELS;
+    bool is_inside = place.column >= reach && place.column < width - reach;
+#if defined(__CUDA_ARCH__)
+    is_inside = __all_sync(__activemask(), is_inside);  // a warp goes one way
+#endif
     if (gaussian.radius > NEAR_PIXELS)
         blur_column(rows, place, width, height, gaussian, means);
-    else if (place.column >= reach && place.column < width - reach)
+    else if (is_inside)
         blur_nearby<true>(image, place, width, height, gaussian, means);
     else
         blur_nearby<false>(image, place, width, height, gaussian, means);
@@ -185,17 +199,14 @@ template <class Mask, class Sigma, class Images, class Target>
 WARPCAM_DEVICE void blur_image(const Mask& mask, int width, int height, const Sigma& sigma, const Images& source,
                                const Images& rows, const Target& target, int index)
 {
-    const int pieces = blur_pieces(width, height), world = index / pieces;
+    const int pieces = blur_pieces(width, height), world = unsigned(index) / unsigned(pieces);
     if (!mask.data[world])
         return;
     const BlurPlace place = blur_place(index - world * pieces, width);
     const size_t start = size_t(world) * width * height;
     float means[BLUR_ROWS];
     blur_numbers(source.data + start, rows.data + start, place, width, height, sigma.data[world], means);
-#pragma unroll
-    for (int k = 0; k < BLUR_ROWS; ++k)
-        if (place.top + k < height)
-            set_number(target, start + (place.top + k) * width + place.column, means[k]);
+    set_place(target, world, place, width, height, means);
 }
 
 // Adds an amount of what blur_image would take from an image.
@@ -206,22 +217,21 @@ WARPCAM_DEVICE void sharpen_image(const Mask& mask, int width, int height, const
 #if !defined(__CUDA_ARCH__)
 #pragma clang fp contract(off)
 #endif
-    const int pieces = blur_pieces(width, height), world = index / pieces;
+    const int pieces = blur_pieces(width, height), world = unsigned(index) / unsigned(pieces);
     if (!mask.data[world])
         return;
     const BlurPlace place = blur_place(index - world * pieces, width);
     const size_t start = size_t(world) * width * height;
     const float gain = amount.data[world];
-    const float* image = source.data + start;
-    float means[BLUR_ROWS];
-    blur_numbers(image, rows.data + start, place, width, height, sigma.data[world], means);
+    float values[BLUR_ROWS];
+    blur_numbers(source.data + start, rows.data + start, place, width, height, sigma.data[world], values);
+    const float* numbers = keep_address(source.data + start + place.column);
 #pragma unroll
     for (int k = 0; k < BLUR_ROWS; ++k) {
-        if (place.top + k < height) {
-            const int number = (place.top + k) * width + place.column;
-            set_number(target, start + number, image[number] + gain * (image[number] - means[k]));
-        }
+        const float middle = numbers[min(place.top + k, height - 1) * width];
+        values[k] = middle + gain * (middle - values[k]);
     }
+    set_place(target, world, place, width, height, values);
 }
 
 }  // namespace warpcam

@@ -33,13 +33,15 @@ enum SplatOutput {
     SPLAT_BY_WORLD = 4096,
     SPLAT_LINEAR = 8192,  // hdr is light; else display values
     SPLAT_EXPOSED = 16384,
-    SPLAT_SOLID = 32768
+    SPLAT_SOLID = 32768,
+    SPLAT_OPAQUE = 65536  // see kernels/flags.py
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
 constexpr int SPLAT_REGION = 16;  // side of what a block draws [pixels]
 constexpr float LEAST_LIGHT = 0.001f;  // with less of it coming through a ray ends: a quarter of a step of 255
 constexpr float HALF_LIGHT = 0.5f;  // where no more comes through is the surface: depth, ids and the rest
+constexpr float OPAQUE_LIGHT = 0.005f;  // likewise of SPLAT_OPAQUE, where a ray ends, too
 
 // Accumulated colour of a ray.
 struct AlphaComposite {
@@ -48,9 +50,9 @@ struct AlphaComposite {
     Key median;  // the hit after which no more than half of it does, or another share
 };
 
-template <class Splats, int LENS> WARPCAM_DEVICE void blend(const Splats& splats, const Cloud& cloud,
-                                                            const CameraRay<LENS>& seen, Key key, unsigned index,
-                                                            float half, AlphaComposite& blend)
+template <int WANTED, class Splats, int LENS>
+WARPCAM_DEVICE void blend(const Splats& splats, const Cloud& cloud, const CameraRay<LENS>& seen, Key key,
+                          unsigned index, float half, AlphaComposite& blend)
 {
     const unsigned row = 4u * (unsigned(cloud.axis_z.w) + index);
     const void* rows = splats.gaussians.data;
@@ -58,8 +60,9 @@ template <class Splats, int LENS> WARPCAM_DEVICE void blend(const Splats& splats
     const Float3Int look = load(rows, row + 3);
     const Vec3 off = cross(w.origin, w.direction);
     const float far = dot(off, off) / dot(w.direction, w.direction), opacity = as_float(look.w);
-    // in binary logarithms: the response ends where the cloud has it end, or at an alpha of 1 / 255
-    const float end = max(-0.72134752f * cloud.reach, -log2(255.0f * opacity));
+    // in binary logarithms: the response ends where the cloud has it end, or at an alpha of 1 / 255 or 1 / 100
+    constexpr float ALPHAS = (WANTED & SPLAT_OPAQUE) != 0 ? 100.0f : 255.0f;
+    const float end = max(-0.72134752f * cloud.reach, -log2(ALPHAS * opacity));
     const float alpha = min(opacity * pow(2.0f, end * far), 1.0f) * as_float(cloud.origin.w);
     blend.color = blend.color + blend.light * alpha * as_vec3(look);
     blend.light *= 1.0f - alpha;
@@ -134,7 +137,8 @@ template <int WANTED, int LENS, class Scene>
 WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds, int num_clouds, const Camera& camera,
                                         const CameraRay<LENS>& seen, float far, unsigned mask, Key* keys, int step)
 {
-    constexpr float LEAST = (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : HALF_LIGHT;
+    constexpr float SURFACE = (WANTED & SPLAT_OPAQUE) != 0 ? OPAQUE_LIGHT : HALF_LIGHT;
+    constexpr float LEAST = (WANTED & SPLAT_OPAQUE) == 0 && (WANTED & SPLAT_COLORS) != 0 ? LEAST_LIGHT : SURFACE;
     AlphaComposite found { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
     Nearest nearest { keys, step, 0, key_of(camera.near, ~0u), key_of(far, 0u) };
     for (;;) {
@@ -146,8 +150,8 @@ WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds,
         for (int i = 0; i < nearest.count && found.light > LEAST; ++i) {
             key = keys[i * step];
             const unsigned name = unsigned(key);
-            blend(scene.splats, clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0], seen, key, name & mask,
-                  HALF_LIGHT, found);
+            blend<WANTED>(scene.splats, clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0], seen, key,
+                          name & mask, SURFACE, found);
         }
         if (nearest.count < MAX_ORDERED_HITS || found.light <= LEAST)
             break;
@@ -159,10 +163,10 @@ WARPCAM_DEVICE AlphaComposite blend_all(const Scene& scene, const Cloud* clouds,
 
 // Finds the nearest solid cloud along a ray: clouds are solid where little enough light passes, and absent elsewhere,
 // as in Newton's camera. Each cloud counts by itself, in the mean colour of its Gaussians that the ray blends.
-template <int LENS, class Scene> WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds,
-                                                                             int num_clouds, const Camera& camera,
-                                                                             const CameraRay<LENS>& seen, float far,
-                                                                             unsigned mask, Key* keys, int step)
+template <int WANTED, int LENS, class Scene>
+WARPCAM_DEVICE AlphaComposite solid_surface(const Scene& scene, const Cloud* clouds, int num_clouds,
+                                            const Camera& camera, const CameraRay<LENS>& seen, float far, unsigned mask,
+                                            Key* keys, int step)
 {
     const auto limits = wp::index(scene.frame.limits, 0);
     AlphaComposite surface { { 0.0f, 0.0f, 0.0f }, 1.0f, NO_KEY };
@@ -180,7 +184,7 @@ template <int LENS, class Scene> WARPCAM_DEVICE AlphaComposite solid_surface(con
             Key key = 0;
             for (int i = 0; i < nearest.count && goes_on(); ++i) {
                 key = keys[i * step];
-                blend(scene.splats, cloud, seen, key, unsigned(key) & mask, limits[0], found);
+                blend<WANTED>(scene.splats, cloud, seen, key, unsigned(key) & mask, limits[0], found);
                 left -= 1.0f;
             }
             if (nearest.count < MAX_ORDERED_HITS || !goes_on())
@@ -204,13 +208,14 @@ WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, in
     const unsigned mask = scene.splats.bits < 32 ? (1u << scene.splats.bits) - 1u : ~0u;
     AlphaComposite found;
     if constexpr ((WANTED & SPLAT_SOLID) != 0)
-        found = solid_surface(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
+        found = solid_surface<WANTED>(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
     else
         found = blend_all<WANTED>(scene, clouds, num_clouds, camera, seen, far, mask, keys, step);
     if (found.light == 1.0f)
         return;
     put_colors<WANTED>(scene.frame, scene.images, world, at, found);
-    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR | SPLAT_EXPOSED)) == 0 || found.median == NO_KEY)
+    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR | SPLAT_EXPOSED | SPLAT_OPAQUE)) == 0
+        || found.median == NO_KEY)
         return;
     const unsigned name = unsigned(found.median);
     const Cloud& cloud = clouds[scene.splats.bits < 32 ? name >> scene.splats.bits : 0];

@@ -57,24 +57,22 @@ template <> struct PendingOf<true> {
 constexpr int A_FEW_MESHES = 3;  // that rays try one after another at once
 
 // Finds the rays of a tile that meet meshes before their hits and lets them wait; nobody waits yet. Returns how many.
-template <class Types, int LENS, int CAPACITY, int WORDS, class Meshes>
+// meshes_of(word): those of a word of ranks that touch the tile.
+template <class Types, int LENS, int CAPACITY, int WORDS, class Meshes, class MeshesOf>
 WARPCAM_DEVICE int find_rays(MeshRays<WORDS>& rays, const ShapeList<CAPACITY>& list, int column, int row,
-                             const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth)
+                             const CameraRay<LENS>& ray, float near, const Meshes& meshes, float depth,
+                             const MeshesOf& meshes_of)
 {
     const int lane = threadIdx.x % WARP_SIZE, words = (list.count + WARP_SIZE - 1) / WARP_SIZE;
-    const unsigned steps = PackedTileRect::steps(column, row, 1, 1);
     unsigned met[WORDS] {};
     bool any = false;
     for (int word = 0; word < words; ++word) {
-        const int rank = word * WARP_SIZE + lane;
-        const bool mine =
-            rank < list.count && list.tiles[rank].touches(steps) && is_mesh<Types>(list.records[list.order[rank]]);
-        unsigned mask = __ballot_sync(FULL_WARP, mine);
+        unsigned mask = meshes_of(word);
         if (LENS == PINHOLE && __popc(mask) > A_FEW_MESHES) {  // a lane a mesh, before the rays try one after another
             const TileRays tile = rays_of_tile(ray);
-            bool may = mine;
-            if (mine) {
-                const ShapeRecord& record = list.records[list.order[rank]];
+            bool may = mask >> lane & 1;
+            if (may) {
+                const ShapeRecord& record = list.at_rank(word * WARP_SIZE + lane);
                 const auto low = wp::index(meshes.bounds_min, record.axis_z.w),
                            high = wp::index(meshes.bounds_max, record.axis_z.w);
                 may = may_meet_box(record, { low[0], low[1], low[2] }, { high[0], high[1], high[2] }, tile);

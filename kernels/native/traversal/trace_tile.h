@@ -75,6 +75,14 @@ template <class Types, class List> WARPCAM_DEVICE unsigned touching(const List& 
     return __ballot_sync(FULL_WARP, list.tiles[rank].touches(steps) && !is_mesh<Types>(list.at_rank(rank)));
 }
 
+// The same of meshes alone.
+template <class Types, class List> WARPCAM_DEVICE unsigned touching_meshes(const List& list, int begin, unsigned steps)
+{
+    const int rank = begin + threadIdx.x % WARP_SIZE;
+    return __ballot_sync(FULL_WARP,
+                         rank < list.count && list.tiles[rank].touches(steps) && is_mesh<Types>(list.at_rank(rank)));
+}
+
 // True if a rank beyond the first WARP_SIZE overlaps a tile.
 template <class Types, class List> WARPCAM_DEVICE bool touching_more(const List& list, unsigned steps)
 {
@@ -85,9 +93,9 @@ template <class Types, class List> WARPCAM_DEVICE bool touching_more(const List&
 }
 
 // The nearest of all shapes but meshes, of TILES_PER_WARP tiles one below the other; of each a lane has a ray. `mask`:
-// touching().
-template <class Types, int TILES_PER_WARP, class Ray_, class List, class HeightFields>
-WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask, const Ray_ (&rays)[TILES_PER_WARP],
+// the first ranks that touch them; more(begin): those from there on. See touching().
+template <class Types, int TILES_PER_WARP, class Ray_, class List, class HeightFields, class More>
+WARPCAM_DEVICE void trace_tiles(const List& list, unsigned mask, const More& more, const Ray_ (&rays)[TILES_PER_WARP],
                                 float near, const HeightFields& fields, Hit (&hits)[TILES_PER_WARP])
 {
     int begin = 0;
@@ -119,7 +127,7 @@ WARPCAM_DEVICE void trace_tiles(const List& list, unsigned steps, unsigned mask,
         begin += WARP_SIZE;
         if (List::SIZE <= WARP_SIZE || begin >= list.count)
             return;
-        mask = touching<Types>(list, begin, steps);
+        mask = more(begin);
     }
 }
 

@@ -4,6 +4,7 @@
 #include "traversal/enclosing_mesh_cull.h"
 #include "traversal/mesh_closest_hit.h"
 #include "traversal/list_shapes.h"
+#include "traversal/tile_marks.h"
 #if !defined(__CUDA_ARCH__)
 #include "traversal/trace_target_simd.h"
 #endif
@@ -20,6 +21,9 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
     constexpr int TILES_PER_WARP = TraceTarget_::TILES_PER_WARP;
     constexpr bool HAS_MESH = Types::has(MESH), HAS_VECTORS = TraceTarget_::VECTOR_OUTPUTS != 0;
     WARPCAM_SHARED typename MeshRaysOf<HAS_MESH ? List::SIZE : 1>::type rays[HAS_MESH ? THREADS / WARP_SIZE : 1];
+    constexpr bool MARKED = HAS_MESH && TraceTarget_::FROM_VIEW;
+    using Marks = TileMarks<MARKED ? List::SIZE : WARP_SIZE>;
+    WARPCAM_SHARED optional_t<MARKED, Marks> marks;
     WARPCAM_SHARED float4 lanes[HAS_VECTORS ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
     int lane = threadIdx.x % WARP_SIZE;
     const int warp = threadIdx.x / WARP_SIZE;
@@ -48,7 +52,16 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
                 named_barrier_sync<MOTIONS_THERE, THREADS>();
         alone = false;
     };
-    const auto draw_stack = [&](int column, int row, int& found) {
+    if constexpr (MARKED) {
+        marks.template mark<Types>(list, across, threadIdx.x);
+        block_sync();
+    }
+    const auto draw_stack = [&](int unit, int column, int row, int& found) {
+        if constexpr (MARKED)
+            if (!first_pass && !marks.touches(unit)) {
+                found = 0;
+                return;
+            }
         const int i = region.left + column * TILE_WIDTH + int(unsigned(lane) % TILE_WIDTH);
         const int j = region.top + row * TILE_HEIGHT + int(unsigned(lane) / TILE_WIDTH);
         decltype(trace_target.ray(i, j)) ray[TILES_PER_WARP];
@@ -58,7 +71,13 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
             hit[k] = trace_target.start(i, j + k * TILE_HEIGHT, first_pass);
         }
         const unsigned steps = PackedTileRect::steps(column, row, 1, TILES_PER_WARP);
-        unsigned mask = touching<Types>(list, 0, steps);
+        const auto shapes_of = [&](int begin) {
+            if constexpr (MARKED)
+                return marks.touching(unit, begin / WARP_SIZE) & ~marks.meshes[begin / WARP_SIZE];
+            else
+                return touching<Types>(list, begin, steps);
+        };
+        unsigned mask = shapes_of(0);
         if constexpr (TraceTarget_::BARE_FLOORS)
             if (first_pass && (mask & list.floor.bit) && list.floor.test(ray, hit)) {
                 mask ^= list.floor.bit;
@@ -67,13 +86,18 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
                     return;
                 }
             }
-        trace_tiles<Types>(list, steps, mask, ray, near, fields, hit);
+        trace_tiles<Types>(list, mask, shapes_of, ray, near, fields, hit);
         trace_meshes();
         if (!trace_target.write_seen_plane(i, j, hit, lane))
             trace_target.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
             found = find_rays<Types>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
-                                     meshes, hit[0].depth);
+                                     meshes, hit[0].depth, [&](int word) {
+                                         if constexpr (MARKED)
+                                             return marks.touching(unit, word) & marks.meshes[word];
+                                         else
+                                             return touching_meshes<Types>(list, word * WARP_SIZE, steps);
+                                     });
     };
     const auto next_tile = [&](int& found) {
         const int unit = begin + (OWN ? own : __shfl_sync(FULL_WARP, lane == 0 ? draw_next(list.next_tile) : 0, 0));
@@ -92,7 +116,7 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
         }
 #pragma unroll 1
         for (int k = 0; k < TILE_COLUMNS_PER_WARP; ++k)
-            draw_stack(column + k, row, found);
+            draw_stack(unit + k, column + k, row, found);
         return true;
     };
     if constexpr (HAS_MESH) {

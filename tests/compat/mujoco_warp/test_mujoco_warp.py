@@ -247,7 +247,7 @@ def test_groups_of_any_number_in_anything_that_can_be_gone_through(device: wp.De
         ({"enable_backface_culling": False}, "enable_backface_culling=False is not offered"),
         ({"enable_vertex_normals": False}, "enable_vertex_normals=False is not offered"),
         ({"flex_render_smooth": False}, "flex_render_smooth=False is not offered"),
-        ({"splat_position": np.zeros((1, 3))}, "splat_position is not offered"),
+        ({"splat_position": np.zeros((1, 3))}, "splat_position came without splat_rotation, splat_scale, splat_rgba"),
         ({"samples_per_pixel": 3}, "samples_per_pixel is 3; allowed are 1, 2, 4 and 8, along a side"),
         ({"shadow_light_fraction": 0.7}, "shadow_light_fraction is 0.7"),
         ({"nworld": 0}, "nworld must be a whole number, at least 1, got 0"),
@@ -333,7 +333,7 @@ def test_settings_are_not_ignored_in_silence(mjm: mujoco.MjModel) -> None:
     for name in ("background_color", "skybox_tex_id", "use_shadows"):
         with pytest.raises(wc.WarpcamError, match=rf"RenderContext\.{name} cannot be set"):
             setattr(rc, name, 0)
-    with pytest.raises(wc.WarpcamError, match="refit_splat_bvh: splats are drawn in scenes"):
+    with pytest.raises(wc.WarpcamError, match="refit_splat_bvh: Gaussians are read when"):
         ours.refit_splat_bvh(rc)
 
 

@@ -1,9 +1,11 @@
 """Stages that are broken: an error or a warning that says so, and nothing half-built."""
 
+import base64
 import os
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -270,3 +272,25 @@ def test_what_a_skeleton_moves(skinning: str, moves: bool, tmp_path: Path, caplo
     skinned = skinned.replace("int[] faceVertexCounts", f"{skinning}\nint[] faceVertexCounts")
     wc.from_usd(written(tmp_path / "it.usda", skinned), device="cpu")
     assert ("is moved by a skeleton" in caplog.text) == moves
+
+
+# A damaged binary layer, whose prim has no name.
+NAMELESS = (
+    "c-pO0%}*0S6o30g7Yp=5`7jz4J=KVTaM769ZA!&P#f5IQhLE_lQ<<dQU3V8k)tJV3@((catX>V?Jb2IpcTXnVgqu-AMS}qw>+CYSU67-1^Jd"
+    "@YZ}!c+w{l@>D4!ckg9t7?;^Dv0{X?(DSMNPeGE{%I@bn=|<uKtc!Y7zO0{ag{Bk4(AT$C_J<rv{O;e!ENAK`w&1BAUgxINqz*ny#O4BelnZ"
+    ";r|yF2z!=U&#pjR$EW*miOu|C3kp7=k`A~DUj#O`^EZa=X~2SD)&<3mKXJ-dSNI5a0}**)FQT^ifm+BGBWcTw&A93R!U%)xSF2Bm6C}xD50`"
+    "CU$JFk1Is`~T*k<RLRmMfVAl*Zp;i%8Rjmd^-Kc?y%7~;Dkp)<@Y?VmrYz2X=W6jRSVS_P2*AUr5w{<7q3WJ>0O1Rh!cXbQfSl9YtJ8mG;#s"
+    "uUVvgW{Wk}W8!MRbGM(PCPkj{!dh3b9Ymyao0gG<rtM(=)K3npmC16>QhQR?R!emQ{Ps@*9Ss4dKvnzpuI-b4*e4d4XfuW~kZh**vfrg$C&_"
+    "_KAPOEJ+^@ON9`mpc8J3Fp>a4gu$@nSWZiwoiGxXDz5zjSx*5&Rz`}5j{T(wqX~E|Laf)-m)*F-uDn8gT>U%o9dY&HNf;fdFB1I)!RP8BSb{"
+    "Us8@Gy+kf0xQ)-T|w<6(r1B2OxrJh}CzuqCj+1mUM3ZbTXpc0K+r&VG$_eChif4h)?`Js!$C2V^ouN^W&*$9-(~%#>6wA8M@)uC&;w=lKL~e"
+    "5}Pd&mRx3+w(8Ec#MO`Mm*yOr+4#YXarsm_;#$b2z)fu`W@<k_H<3;+8w@3FEK{nIb|w4G2RaNNdFk#Kwrvcu8sxr*Qo#fE`LVxLY~vHx=3|"
+    "7rCbiA!z%R`sGgHE>7f5S{VQat{ugUyy1M"
+)
+
+
+def test_a_prim_without_a_valid_name(tmp_path: Path) -> None:
+    """USD ends the process that reads what such a layer refers to."""
+    path = tmp_path / "it.usdc"
+    path.write_bytes(zlib.decompress(base64.b85decode(NAMELESS)))
+    with pytest.raises(wc.WarpcamError, match=r"it\.usdc: the file is damaged: a prim in it has no valid name"):
+        wc.from_usd(path, device="cpu")

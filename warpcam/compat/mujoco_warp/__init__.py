@@ -14,7 +14,7 @@ import warp as wp
 
 from warpcam.compat.common import packing
 from warpcam.compat.common.scalars import real, whole
-from warpcam.compat.mujoco_warp.arguments import SPLATS_ARE, check_settings, read_views
+from warpcam.compat.mujoco_warp.arguments import check_settings, read_views
 from warpcam.compat.mujoco_warp.context import RenderContext
 from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
@@ -110,12 +110,13 @@ def create_render_context(
         enable_specular: False leaves out highlights.
         enable_emission: False leaves out what materials emit.
         enable_per_light_ambient: False leaves out the ambient light of lights, but for the headlight's.
-        splat_position: Not offered, nor are its companions.
-        splat_rotation: See ``splat_position``.
-        splat_scale: See ``splat_position``.
-        splat_rgba: See ``splat_position``.
-        splat_adr: See ``splat_position``.
-        splat_group_id: See ``splat_position``.
+        splat_position: (n, 3), centres of Gaussians in the world [m]; None: there are none.
+        splat_rotation: (n, 4), quaternions w x y z.
+        splat_scale: (n, 3), standard deviations along the axes [m].
+        splat_rgba: (n, 4), display colour and opacity, the latter in [0, 1].
+        splat_adr: (groups + 1,) int, ascending from 0 to n, where in these arrays each group begins and the last one
+            ends; None is one group.
+        splat_group_id: (nworld,) int, the group of each world; None is the first.
         deterministic: Changes nothing: images always are the same.
         draw: What is drawn: see ``warpcam.from_mujoco_warp``. MuJoCo-Warp has neither this nor what follows.
         reflections: See ``warpcam.from_mujoco_warp``.
@@ -138,8 +139,9 @@ def refit_bvh(m: Any, d: Any, rc: RenderContext) -> None:
 
 
 def refit_splat_bvh(rc: RenderContext) -> None:
-    """Not offered: contexts have no splats."""
-    raise WarpcamError(f"refit_splat_bvh: {SPLATS_ARE}")
+    """Not offered: Gaussians are read when the context is made."""
+    _context(rc, "refit_splat_bvh")
+    raise WarpcamError("refit_splat_bvh: Gaussians are read when the context is made; make another context for others")
 
 
 def render(m: Any, d: Any, rc: RenderContext) -> None:

@@ -18,7 +18,6 @@ FIXED = {
     "flex_render_smooth": "flexes are lit as their own flatskin says",
 }
 SPLATS = ("splat_position", "splat_rotation", "splat_scale", "splat_rgba", "splat_adr", "splat_group_id")
-SPLATS_ARE = "splats are drawn in scenes of from_newton and from_usd"
 WHERE = "create_render_context"
 
 
@@ -62,9 +61,6 @@ def check_settings(settings: dict[str, Any]) -> None:
     for name, instead in FIXED.items():
         if not settings[name]:
             raise WarpcamError(f"{WHERE}: {name}=False is not offered: {instead}; allowed is True")
-    for name in SPLATS:
-        if settings[name] is not None:
-            raise WarpcamError(f"{WHERE}: {name} is not offered: {SPLATS_ARE}; allowed is None")
     if settings["samples_per_pixel"] not in (1, 2, 4, 8):
         came = settings["samples_per_pixel"]
         raise WarpcamError(f"{WHERE}: samples_per_pixel is {came!r}; allowed are 1, 2, 4 and 8, along a side")

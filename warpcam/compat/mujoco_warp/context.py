@@ -13,6 +13,7 @@ from warpcam.compat.common import packing
 from warpcam.compat.common.scalars import whole
 from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
 from warpcam.compat.mujoco_warp.ray_casts import MOST_RAYS, RayCasts, check_arrays, chosen_geoms
+from warpcam.compat.mujoco_warp.splats import read_splats
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
@@ -40,6 +41,7 @@ class RenderContext:
         seg_adr: int32 (camera,).
         znear: Of the model [m]. Nothing is cut off before it.
         zfar: Of the model [m]; what lies there is seen, and nothing beyond it.
+        splat_count: Gaussians of all groups.
         total_rays: Pixels of all cameras.
         views: The cameras on the host.
         starts: ``rgb_adr`` and so on, on the host: by "rgb", "depth", "segmentation".
@@ -51,7 +53,8 @@ class RenderContext:
         self.device = wp.get_device()
         self.renderer: wc.Renderer | None = None
         self._mjm, self._settings = mjm, settings
-        self.views = tuple(views)
+        self.views, self._splats = tuple(views), read_splats(settings)
+        self.splat_count = sum(len(cloud["positions"]) for each in self._splats for cloud in each.listed())
         self.starts: dict[str, list[int]] = {}
         for name in ("use_textures", "use_shadows", "use_ambient_lighting", "use_fast_math", "use_precomputed_rays"):
             setattr(self, name, settings[name])
@@ -209,6 +212,7 @@ class _Bound:
                 draw=settings["draw"],
                 reflections=settings["reflections"],
                 transparency=settings["transparency"],
+                splats=context._splats,
             )
         if scene.device != context.device:
             raise WarpcamError(
@@ -293,12 +297,22 @@ def load_groups(
     draw: Sequence[str],
     reflections: bool | None,
     transparency: bool | None,
+    splats: Sequence[wc.Splats] = (),
 ) -> wc.Scene:
     """The scene of ``warpcam.from_mujoco_warp``, with the geoms of ``geoms_of``."""
     others = [group for group in groups if 0 <= group < NUM_GROUPS]
     chosen = check_tristate("transparency", transparency)
+    geoms = geoms_of(mjm, groups)
     return load(
-        mjm, m, d, groups=others, draw=draw, reflections=reflections, transparency=chosen, geoms=geoms_of(mjm, groups)
+        mjm,
+        m,
+        d,
+        groups=others,
+        draw=draw,
+        reflections=reflections,
+        transparency=chosen,
+        geoms=geoms,
+        splats=splats,
     )
 
 

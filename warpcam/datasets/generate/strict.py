@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from warpcam.core import plain_yaml
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess, Limits, read_named
+from warpcam.core.numbers import is_finite_number
 
 T = TypeVar("T")
 Reader = Callable[[Any, str], Any]
@@ -84,7 +85,7 @@ def number(low: float = -math.inf, high: float = math.inf) -> Reader:
     """Reader of a finite number from ``low`` to ``high``."""
 
     def read(value: Any, where: str) -> float:
-        if not _is_number(value) or not low <= value <= high:
+        if not is_finite_number(value) or not low <= value <= high:
             raise WarpcamError(f"{where}: {_wanted('a number', low, high)} is needed, got {value!r}")
         return float(value)
 
@@ -96,7 +97,7 @@ def span(low: float = -math.inf, high: float = math.inf, whole: bool = False) ->
 
     def read(value: Any, where: str) -> tuple[float, float]:
         pair = value if isinstance(value, list) else [value, value]
-        good = len(pair) == 2 and all(_is_number(each) and low <= each <= high for each in pair)
+        good = len(pair) == 2 and all(is_finite_number(each) and low <= each <= high for each in pair)
         if not good or pair[0] > pair[1] or (whole and not all(isinstance(each, int) for each in pair)):
             kind = "[from, to] of whole numbers" if whole else "[from, to]"
             raise WarpcamError(f"{where}: {_wanted(kind, low, high)} or one number is needed, got {value!r}")
@@ -109,7 +110,7 @@ def vector(size: int) -> Reader:
     """Reader of ``size`` finite numbers."""
 
     def read(value: Any, where: str) -> tuple[float, ...]:
-        if not isinstance(value, list) or len(value) != size or not all(map(_is_number, value)):
+        if not isinstance(value, list) or len(value) != size or not all(map(is_finite_number, value)):
             raise WarpcamError(f"{where}: {size} numbers are needed, got {value!r}")
         return tuple(map(float, value))
 
@@ -159,10 +160,6 @@ def freeze(value: Any) -> Any:
     if isinstance(value, dict):
         return tuple((key, freeze(item)) for key, item in value.items())
     return tuple(map(freeze, value)) if isinstance(value, list | tuple) else value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _wanted(kind: str, low: float, high: float) -> str:

@@ -5,13 +5,19 @@ import warp as wp
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-return __powf(base, exponent);
+float result;
+asm("lg2.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(base));
+asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(exponent * result));
+return result;
 #else
 return wp::pow(base, exponent);
 #endif
 """)
 def power(base: wp.float32, exponent: wp.float32) -> wp.float32:
-    """``base ** exponent`` of a base of at least 0 and an exponent above 0, on CUDA to a few millionths of it."""
+    """``base ** exponent`` of a base of at least 0 and an exponent above 0.
+
+    On CUDA to a few millionths of it; numbers below 1e-38 count as 0.
+    """
     ...
 
 
@@ -36,11 +42,13 @@ def quotient(number: wp.float32, divisor: wp.float32) -> wp.float32:
 
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
-return rsqrtf(number);
+float result;
+asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(result) : "f"(number));
+return result;
 #else
 return 1.0f / wp::sqrt(number);
 #endif
 """)
 def inverse_root(number: wp.float32) -> wp.float32:
-    """``1 / sqrt(number)`` of a number above 0."""
+    """``1 / sqrt(number)`` of a number of at least 1e-38."""
     ...

@@ -34,38 +34,80 @@ class ColorTarget:
     bytes_of_light: wp.array(dtype=wp.int32)  # see ``curves.byte_table``
 
 
-# Images of an effect lie in memory one pixel after another: places are found without the strides of arrays.
+# Images of an effect lie in memory one pixel after another: places are found without the strides of arrays. On CUDA a
+# world's first pixel has a register of its own, or all that it is made of is added up anew for each pixel.
 
 
-@wp.func_native("return image.data[size_t(world) * image.shape[1] + pixel];")
+@wp.func_native("""
+const wp::vec3* pixels = image.data + (size_t)image.shape[1] * world;
+#if defined(__CUDA_ARCH__)
+asm("" : "+l"(pixels));
+__builtin_assume(__isGlobal(pixels));
+#endif
+return pixels[pixel];
+""")
 def numbers_at(image: wp.array2d(dtype=wp.vec3), world: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Three numbers of a pixel."""
     ...
 
 
-@wp.func_native("image.data[size_t(world) * image.shape[1] + pixel] = value;")
+@wp.func_native("""
+wp::vec3* pixels = image.data + (size_t)image.shape[1] * world;
+#if defined(__CUDA_ARCH__)
+asm("" : "+l"(pixels));
+__builtin_assume(__isGlobal(pixels));
+#endif
+pixels[pixel] = value;
+""")
 def set_numbers(image: wp.array2d(dtype=wp.vec3), world: wp.int32, pixel: wp.int32, value: wp.vec3):
     """Write three numbers of a pixel."""
     ...
 
 
 @wp.func_native("""
-const unsigned char* at = image.data + (size_t(world) * image.shape[1] + pixel) * image.shape[2];
-return wp::vec3i(at[0], at[1], at[2]);
+const int channels = image.shape[2];
+const unsigned char* at = image.data + (size_t)(image.shape[1] * channels) * world;
+#if defined(__CUDA_ARCH__)
+asm("" : "+l"(at));
+__builtin_assume(__isGlobal(at));
+at += channels * pixel;
+const float* light = light_of_bytes.data;  // with signs taken off, or loads of numbers are made one with these
+return wp::vec3(fabsf(__ldg(light + at[0])), fabsf(__ldg(light + at[1])), fabsf(__ldg(light + at[2])));
+#else
+at += channels * pixel;
+return wp::vec3(light_of_bytes.data[at[0]], light_of_bytes.data[at[1]], light_of_bytes.data[at[2]]);
+#endif
 """)
-def bytes_at(image: wp.array3d(dtype=wp.uint8), world: wp.int32, pixel: wp.int32) -> wp.vec3i:
-    """The first three bytes of a pixel."""
+def light_at(
+    image: wp.array3d(dtype=wp.uint8), light_of_bytes: wp.array(dtype=wp.float32), world: wp.int32, pixel: wp.int32
+) -> wp.vec3:
+    """Linear light of the first three bytes of a pixel."""
     ...
 
 
 @wp.func_native("""
-unsigned char* at = image.data + (size_t(world) * image.shape[1] + pixel) * image.shape[2];
+const int channels = image.shape[2];
+const size_t start = (size_t)(image.shape[1] * channels) * world;
+unsigned char* at = image.data + start;
+#if defined(__CUDA_ARCH__)
+asm("" : "+l"(at));
+__builtin_assume(__isGlobal(at));
+#endif
+at += channels * pixel;
 at[0] = (unsigned char)value[0];
 at[1] = (unsigned char)value[1];
 at[2] = (unsigned char)value[2];
+if (channels == 4)
+    at[3] = truth.data[start + 4 * pixel + 3];
 """)
-def set_bytes(image: wp.array3d(dtype=wp.uint8), world: wp.int32, pixel: wp.int32, value: wp.vec3i):
-    """Write the first three bytes of a pixel."""
+def set_bytes(
+    image: wp.array3d(dtype=wp.uint8),
+    truth: wp.array3d(dtype=wp.uint8),
+    world: wp.int32,
+    pixel: wp.int32,
+    value: wp.vec3i,
+):
+    """Write the first three bytes of a pixel; a fourth is that of the truth."""
     ...
 
 
@@ -74,8 +116,7 @@ def color_at(source: ColorSource, world: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Numbers of a pixel; linear light of bytes."""
     if source.kind == NUMBERS:
         return numbers_at(source.numbers, world, pixel)
-    shown = bytes_at(source.bytes, world, pixel)
-    return wp.vec3(source.light_of_bytes[shown[0]], source.light_of_bytes[shown[1]], source.light_of_bytes[shown[2]])
+    return light_at(source.bytes, source.light_of_bytes, world, pixel)
 
 
 @wp.func
@@ -93,9 +134,7 @@ def set_color(target: ColorTarget, world: wp.int32, pixel: wp.int32, value: wp.v
         else:
             for k in range(3):
                 shown[k] = wp.int32(wp.clamp(value[k], 0.0, 1.0) * 255.0 + 0.5)
-        set_bytes(target.bytes, world, pixel, shown)
-        if target.bytes.shape[2] == 4:
-            target.bytes[world, pixel, 3] = target.truth[world, pixel, 3]
+        set_bytes(target.bytes, target.truth, world, pixel, shown)
 
 
 def color_source(image: wp.array) -> Any:

@@ -20,9 +20,7 @@ BYTE_ENTRIES = 0x3F80 - 0x3900 + 1
 def encode(light: wp.float32) -> wp.float32:
     """Linear light, cut off at black and white, as a display value."""
     bounded = wp.clamp(light, 0.0, 1.0)
-    if bounded <= 0.0031308:
-        return 12.92 * bounded
-    return 1.055 * power(bounded, 1.0 / 2.4) - 0.055
+    return wp.where(bounded <= 0.0031308, 12.92 * bounded, 1.055 * power(bounded, 1.0 / 2.4) - 0.055)
 
 
 @wp.func
@@ -39,11 +37,17 @@ def display_byte(light: wp.float32) -> wp.int32:
     return wp.int32(encode_srgb(light) * 255.0 + 0.5)
 
 
+@wp.func_native("return bytes_of_light.data[entry];")
+def byte_entry(bytes_of_light: wp.array(dtype=wp.int32), entry: wp.int32) -> wp.int32:
+    """An entry of ``byte_table``, without the strides of arrays."""
+    ...
+
+
 @wp.func
 def encode_byte(bytes_of_light: wp.array(dtype=wp.int32), light: wp.float32) -> wp.int32:
     """Linear light, cut off at black and white, as a byte by the table of ``byte_table``."""
     bits = wp.cast(wp.min(wp.max(LEAST, light), 1.0), wp.int32)
-    return (bytes_of_light[(bits >> 16) - FIRST_ENTRY] + (bits & 0xFFFF)) >> 16
+    return (byte_entry(bytes_of_light, (bits >> 16) - FIRST_ENTRY) + (bits & 0xFFFF)) >> 16
 
 
 @wp.kernel(enable_backward=False)

@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.sensors.kernels.arithmetic import inverse_root, quotient
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, frame_state, three_normals, two_normals
@@ -14,6 +14,7 @@ wp.set_module_options(compiler_flags())
 # Least mean for which Poisson's distribution is approximated. The approximation's distribution function is off by less
 # than 4e-4 from here on, and its mean and variance by less than 1e-3 of the mean.
 APPROXIMATE_FROM = wp.constant(4.0)
+CHANNELS_APART = wp.constant(wp.uint32(0x9E3779B9))  # of a pixel: between states of the random generator
 
 
 @wp.struct
@@ -47,55 +48,59 @@ def many_electrons(mean: wp.float32, normal: wp.float32) -> wp.float32:
 
 
 @wp.func_native("""
-float power[3] = { 1.0f, 1.0f, 1.0f }, passed[3] = { 1.0f, 1.0f, 1.0f }, chance[3], count[3] = {};
-for (int k = 0; k < 3; ++k)
 #if defined(__CUDA_ARCH__)
-    chance[k] = wp::min(uniforms[k], 0.9999996f) * __expf(means[k]);
+float exponential;
+asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(exponential) : "f"(1.44269504f * mean));
 #else
-    chance[k] = wp::min(uniforms[k], 0.9999996f) * wp::exp(means[k]);
+const float exponential = wp::exp(mean);
 #endif
-float share = 1.0f;
+union { float number; unsigned int bits; } above = { 1.0f - wp::min(uniform, 0.9999996f) * exponential };
+unsigned int count = above.bits >> 31;  // 1 of a number below 0
+float power = 1.0f, share = 1.0f;
 #if defined(__CUDA_ARCH__)
 #pragma unroll
 #endif
-for (int step = 1; step < 20; ++step) {
-    bool is_more = false;
+for (int step = 1; step < 19; ++step) {
+    power *= mean;
     share *= 1.0f / step;
-    for (int k = 0; k < 3; ++k) {
-        const bool is_beyond = chance[k] >= passed[k];
-        count[k] = is_beyond ? 1.0f * step : count[k];
-        is_more |= is_beyond;
-        power[k] *= means[k];
-        passed[k] += power[k] * share;
-    }
-    if (step > 3 && step % 2 == 0 && !is_more)
+    above.number += power * share;
+    count += above.bits >> 31;
+    if (step > 3 && step % 2 == 0 && above.number >= 0.0f)
         break;
 }
-return wp::vec3(count[0], count[1], count[2]);
+return (float)count;
 """)
-def few_electrons(means: wp.vec3, uniforms: wp.vec3) -> wp.vec3:
-    """Three numbers of Poisson's distribution with means below APPROXIMATE_FROM, by inversion: exact to 1e-6.
+def few_electrons(mean: wp.float32, uniform: wp.float32) -> wp.float32:
+    """A number of Poisson's distribution with a mean below APPROXIMATE_FROM, by inversion: exact to 1e-6.
 
-    They are counted along the distribution functions, over ``exp(-mean)``, until these pass ``uniforms``, of which the
-    last 4e-7 count as one number: rounded sums do not come closer to 1. With a mean of 4 they are at most 18.
+    It is counted along the distribution function, over ``exp(-mean)``, until that passes ``uniform``, of which the last
+    4e-7 count as one number: rounded sums do not come closer to 1. With a mean of 4 it is at most 18.
     """
     ...
 
 
 @wp.func
-def electrons_of(means: wp.vec3, normals: wp.vec3, state: wp.uint32) -> wp.vec3:
-    """Numbers of Poisson's distribution with those means: of many electrons by ``normals``, of few by next numbers."""
-    counts = wp.vec3()
-    if wp.min(means) < APPROXIMATE_FROM:
-        chances = wp.vec3(wp.randf(state), wp.randf(state), wp.randf(state))
-        for k in range(3):
-            if means[k] >= APPROXIMATE_FROM:
-                chances[k] = -1.0  # ends the count at once
-        counts = few_electrons(means, chances)
-    if wp.max(means) >= APPROXIMATE_FROM:
-        for k in range(3):
-            many = many_electrons(wp.max(means[k], APPROXIMATE_FROM), normals[k])
-            counts[k] = wp.where(means[k] >= APPROXIMATE_FROM, many, counts[k])
+def many_of(means: wp.vec3, normals: wp.vec3) -> wp.vec3:
+    """Numbers of Poisson's distribution with those means, as far as they are of many electrons."""
+    return wp.vec3(
+        many_electrons(wp.max(means[0], APPROXIMATE_FROM), normals[0]),
+        many_electrons(wp.max(means[1], APPROXIMATE_FROM), normals[1]),
+        many_electrons(wp.max(means[2], APPROXIMATE_FROM), normals[2]),
+    )
+
+
+@wp.func
+def few_of(means: wp.vec3, many: wp.vec3, state: wp.uint32) -> wp.vec3:
+    """Numbers of Poisson's distribution with those means: of many electrons those given, others from the state.
+
+    A channel is on its own, as in many images one is dark where others are not. Its random number follows from the
+    state and from none that normal numbers are made of.
+    """
+    counts = many
+    for k in range(3):
+        if means[k] < APPROXIMATE_FROM:
+            own = state + wp.uint32(k + 1) * CHANNELS_APART
+            counts[k] = few_electrons(means[k], wp.randf(own))
     return counts
 
 
@@ -109,7 +114,7 @@ def count_electrons(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     scale = electrons_at_white[world]
@@ -121,10 +126,10 @@ def count_electrons(
         means = scale * wp.vec3(wp.max(ahead[0], 0.0), wp.max(ahead[1], 0.0), wp.max(ahead[2], 0.0))
         ahead = color_at(source, world, wp.min(row + 1, bottom - 1) * size[0] + column)
         state = wp.rand_init(random, pixel)
-        normals = wp.vec3()
+        counts = wp.vec3()
         if wp.max(means) >= APPROXIMATE_FROM:
-            normals, state = three_normals(state)
-        set_color(target, world, pixel, light * electrons_of(means, normals, state))
+            counts = many_of(means, three_normals(state))
+        set_color(target, world, pixel, light * few_of(means, counts, state))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -137,14 +142,14 @@ def add_normal(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
     random = frame_state(randomness, world)
     for row in range(top, bottom):
         pixel = row * size[0] + column
-        normals, _ = three_normals(wp.rand_init(random, pixel))
+        normals = three_normals(wp.rand_init(random, pixel))
         set_color(target, world, pixel, color_at(source, world, pixel) + spread * normals)
 
 
@@ -159,7 +164,7 @@ def measure_linearly(
     first: wp.int32,
 ):
     """Photons to electrons to digital numbers, and these as linear light again."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     at_white = camera.quantum_efficiency[world] * camera.photons_at_white[world]
@@ -183,7 +188,10 @@ def measure_linearly(
             means[k] = wp.max(light[k], 0.0) * at_white + dark
             normals[k] = of_light
             noise[k] = dark_noise * of_dark
-        electrons = electrons_of(means, normals, state)
+        electrons = wp.vec3()
+        if wp.max(means) >= APPROXIMATE_FROM:
+            electrons = many_of(means, normals)
+        electrons = few_of(means, electrons, state)
         for k in range(3):
             number = wp.floor(gain * (wp.min(electrons[k], full_well) + noise[k]) + black + 0.5)
             light[k] = (wp.clamp(number, 0.0, highest) - black) * step

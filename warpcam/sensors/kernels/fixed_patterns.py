@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.random import Randomness, device_state, three_normals
 
@@ -13,8 +13,7 @@ wp.set_module_options(compiler_flags())
 @wp.func
 def pattern(random: wp.int32, pixel: wp.int32) -> wp.vec3:
     """Normal numbers of a pixel's three channels from the state of its device."""
-    normals, _ = three_normals(wp.rand_init(random, pixel))
-    return normals
+    return three_normals(wp.rand_init(random, pixel))
 
 
 @wp.kernel(enable_backward=False, grid_stride=False)
@@ -27,7 +26,7 @@ def vary_response(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
@@ -48,7 +47,7 @@ def vary_dark_signal(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     spread = sigma[world]
@@ -70,7 +69,7 @@ def spoil_pixels(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     black = dead[world]

@@ -12,7 +12,8 @@ from warpcam.kernels.types import View
 SIDE = 32  # pixels across and down of a tile, which a block of CUDA or a thread of a CPU works on
 THREADS = 256  # of such a block
 BLOCKS = 5  # that a multiprocessor is to hold
-RADII = (7, 15)  # greatest of the windows [pixels] that a kernel has room for
+USUAL_RADIUS = 4  # of windows that have a kernel of their own [pixels]
+RADII = (7, 15)  # greatest of other windows that a kernel has room for
 MAX_RADIUS = RADII[-1]
 BUSY_BLOCKS = 4096  # that keep a GPU busy; blocks take several tiles where there are more
 
@@ -29,11 +30,12 @@ class MatchingRule:
     radius: wp.int32  # [pixels]
 
 
-def _keeper(most: int) -> wp.Kernel:
-    """The kernel for windows of at most that radius."""
+def _keeper(most: int, is_fixed: bool) -> wp.Kernel:
+    """The kernel for windows of that radius, or of at most that radius."""
+    kinds = f"{most}, {str(is_fixed).lower()}"
     return make_kernel(
         f"keep_matches_{most}",
-        f"warpcam::keep_matches<{most}>(mask, width, height, run, rule, source, target, index);",
+        f"warpcam::keep_matches<{kinds}>(mask, width, height, run, rule, source, target, index);",
         {
             "mask": wp.array(dtype=wp.uint8),
             "width": wp.int32,
@@ -48,7 +50,7 @@ def _keeper(most: int) -> wp.Kernel:
     )
 
 
-keep_matches = {most: _keeper(most) for most in RADII}
+keep_matches = {most: _keeper(most, most == USUAL_RADIUS) for most in (USUAL_RADIUS, *RADII)}
 
 
 def bind_matches(width: int, height: int, mask: wp.array, rule: Any, source: wp.array, target: wp.array) -> Stage:
@@ -56,6 +58,7 @@ def bind_matches(width: int, height: int, mask: wp.array, rule: Any, source: wp.
     tiles, worlds = -(-width // SIDE) * -(-height // SIDE), len(mask)
     run = min(max(worlds * tiles // BUSY_BLOCKS, 1), tiles) if mask.device.is_cuda else 1
     blocks, threads = worlds * -(-tiles // run), THREADS if mask.device.is_cuda else 1
-    kernel = keep_matches[next(most for most in RADII if most >= rule.radius)]
+    radius = rule.radius
+    kernel = keep_matches[radius if radius == USUAL_RADIUS else next(most for most in RADII if most >= radius)]
     inputs = [mask, width, height, run, rule, source, target]
     return bind_launch(kernel, blocks * threads, inputs, mask.device, block_dim=THREADS)

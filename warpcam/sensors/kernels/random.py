@@ -3,6 +3,7 @@
 import warp as wp
 
 ANY_WORLD = -1
+OF_24_BITS, OF_16_BITS = wp.constant(2.0**-24), wp.constant(2.0**-16)  # parts of 1
 
 
 @wp.struct
@@ -50,7 +51,8 @@ def element_state(randomness: Randomness, world: wp.int32, element: wp.int32) ->
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
 float radius, sine, cosine;
-asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(radius) : "f"(fmaxf(-2.0f * __logf(1.0f - first), 0.0f)));
+asm("lg2.approx.ftz.f32 %0, %1;" : "=f"(radius) : "f"(1.0f - first));
+asm("sqrt.approx.ftz.f32 %0, %1;" : "=f"(radius) : "f"(fabsf(1.3862944f * radius)));  // 2 ln 2
 __sincosf(6.2831853f * second, &sine, &cosine);
 #else
 const float radius = wp::sqrt(-2.0f * wp::log(1.0f - first)), angle = 6.2831853f * second;
@@ -82,8 +84,13 @@ def two_normals(state: wp.uint32):
 
 
 @wp.func
-def three_normals(state: wp.uint32):
-    """Three independent numbers of the standard normal distribution, and the next state."""
-    red, green, state = two_normals(state)
-    blue, _, state = two_normals(state)
-    return wp.vec3(red, green, blue), state
+def three_normals(state: wp.uint32) -> wp.vec3:
+    """Three independent numbers of the standard normal distribution, their angles to 2^-16 of a turn."""
+    first = wp.randu(state)
+    second = wp.randu(state)
+    angles = wp.randu(state)
+    upper = wp.float32(angles >> wp.uint32(16)) * OF_16_BITS
+    lower = wp.float32(angles & wp.uint32(0xFFFF)) * OF_16_BITS
+    pair = polar_normals(wp.float32(first >> wp.uint32(8)) * OF_24_BITS, upper)
+    other = polar_normals(wp.float32(second >> wp.uint32(8)) * OF_24_BITS, lower)
+    return wp.vec3(pair[0], pair[1], other[0])

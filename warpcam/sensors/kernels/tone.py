@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.sensors.kernels.arithmetic import power, quotient
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
 from warpcam.sensors.kernels.curves import encode
@@ -64,7 +64,7 @@ def apply_srgb(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     for row in range(top, bottom):
@@ -84,7 +84,7 @@ def apply_gamma(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     exponent = 1.0 / gamma[world]
@@ -106,7 +106,7 @@ def apply_points(
     first: wp.int32,
 ):
     """Straight lines between points; the first and the last go on as they are."""
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     for row in range(top, bottom):
@@ -137,7 +137,7 @@ def apply_response(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     red = responses.shapes[world, 0]
@@ -181,7 +181,7 @@ def quantize(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     highest = greatest_number(bits[world])

@@ -3,7 +3,7 @@
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.indices import strip_of
+from warpcam.kernels.runtime.indices import color_strip_of
 from warpcam.kernels.types import View
 from warpcam.sensors.kernels.arithmetic import quotient
 from warpcam.sensors.kernels.color_images import ColorSource, ColorTarget, color_at, set_color
@@ -34,7 +34,7 @@ def darken_naturally(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     view = views[world]
@@ -58,7 +58,7 @@ def darken_by_radius(
     target: ColorTarget,
     first: wp.int32,
 ):
-    world, column, top, bottom = strip_of(first + wp.tid(), size)
+    world, column, top, bottom = color_strip_of(first + wp.tid(), size)
     if mask[world] == wp.uint8(0):
         return
     x = around_middle(column, size[0], size) - center[world, 0]

@@ -9,6 +9,7 @@ import numpy as np
 from warpcam.accel.ray_tables import MOST_PIXELS, unit
 from warpcam.core.arrays import as_numbers
 from warpcam.core.errors import WarpcamError
+from warpcam.core.numbers import is_finite_number
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,7 @@ def parts_of(pattern: Pattern, where: str) -> np.ndarray:
 
 def positive(value: Any, where: str) -> float:
     """A finite number above 0."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not 0.0 < value < math.inf:
+    if not is_finite_number(value) or value <= 0.0:
         raise WarpcamError(f"{where} must be a positive number, got {value!r}")
     return float(value)
 
@@ -188,6 +189,7 @@ def _float32(given: np.ndarray, name: str) -> np.ndarray:
 
 
 def _number(value: Any, name: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number) or math.isnan(value):
+    is_infinite = isinstance(value, float | np.floating) and math.isinf(value)
+    if not is_infinite and not is_finite_number(value):
         raise WarpcamError(f"Pattern: {name} must be a number [m], got {value!r}")
     return float(value)

@@ -17,7 +17,10 @@ def root_of(data: bytes, path: Path) -> ElementTree.Element:
     """
     with suppress(expat.ExpatError):  # the same, with words for users
         check(data, path)
-    return ElementTree.fromstring(data)
+    try:
+        return ElementTree.fromstring(data)
+    except (LookupError, ValueError) as error:
+        raise ElementTree.ParseError(str(error)) from None
 
 
 def check(data: bytes, path: Path) -> None:
@@ -30,4 +33,7 @@ def check(data: bytes, path: Path) -> None:
 
     parser = expat.ParserCreate()
     parser.EntityDeclHandler = declared
-    parser.Parse(data, True)
+    try:
+        parser.Parse(data, True)
+    except (LookupError, ValueError) as error:  # an encoding that Python does not have, or its parser does not read
+        raise expat.ExpatError(str(error)) from None

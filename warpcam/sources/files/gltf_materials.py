@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from warpcam.core.color import linear_to_srgb
+from warpcam.core.numbers import is_finite_number
 from warpcam.sources.common.images import (
     LINEAR,
     TRANSFER,
@@ -274,8 +275,7 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 
 def _number(value: Any, default: float) -> float:
-    is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
-    return float(value) if is_number and np.isfinite(value) else default
+    return float(value) if is_finite_number(value) else default
 
 
 def _numbers(value: Any, default: Sequence[float]) -> list[float]:

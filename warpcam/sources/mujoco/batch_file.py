@@ -11,6 +11,7 @@ import warp as wp
 
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
+from warpcam.core.memory_errors import memory_told
 from warpcam.sources.mujoco import mjcf_files, urdf
 
 # How far a joint without limits is moved at most.
@@ -59,10 +60,12 @@ def put(host: Any, state: Any, *, num_worlds: int, device: wp.Device, path: Path
     """Put `num_worlds` worlds of one state on the device, ready to be seen; ``path`` is for messages."""
     mjw = _needed("mujoco_warp")
     try:
-        with wp.ScopedDevice(device):
+        with memory_told(f"scene {str(path)!r}"), wp.ScopedDevice(device):
             batch = MujocoBatch(host, mjw.put_model(host), mjw.put_data(host, state, nworld=num_worlds))
-    except (NotImplementedError, np.linalg.LinAlgError) as error:
-        raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from None
+    except WarpcamError:
+        raise
+    except Exception as error:  # of any kind: MuJoCo-Warp does not look at all that MuJoCo allows
+        raise WarpcamError(f"scene: MuJoCo-Warp cannot simulate {str(path)!r}: {error}") from error
     forward(batch)
     return batch
 

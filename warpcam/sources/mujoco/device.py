@@ -1,6 +1,6 @@
 """MuJoCo-Warp: worlds whose state already lies in Warp arrays. They are read where they are."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -12,6 +12,8 @@ from warpcam.core import device as device_rule
 from warpcam.core.errors import WarpcamError
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
+from warpcam.sources.common.splats import Splats
+from warpcam.sources.common.with_splats import with_splats
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
 from warpcam.sources.mujoco.shape_tables import ModelSource, VisualGeomArrays, names_of
@@ -121,17 +123,17 @@ def load(
     transparency: Transparency = None,
     geoms: Collection[int] | None = None,
     planes_from_behind: bool = False,
+    splats: Sequence[Splats] = (),
 ) -> Scene:
-    return Scene(
-        MujocoWarpSource(
-            mjm,
-            m,
-            d,
-            groups=groups,
-            draw=draw,
-            reflections=reflections,
-            transparency=transparency,
-            geoms=geoms,
-            planes_from_behind=planes_from_behind,
-        )
+    source = MujocoWarpSource(
+        mjm,
+        m,
+        d,
+        groups=groups,
+        draw=draw,
+        reflections=reflections,
+        transparency=transparency,
+        geoms=geoms,
+        planes_from_behind=planes_from_behind,
     )
+    return Scene(with_splats(source, splats))

@@ -14,6 +14,8 @@ from warpcam.core.shared_memory import shared
 from warpcam.scene.layers import Transparency
 from warpcam.scene.scene import Scene
 from warpcam.scene.source import LIVE_ARRAYS
+from warpcam.sources.common.splats import Splats
+from warpcam.sources.common.with_splats import with_splats
 from warpcam.sources.mujoco import model
 from warpcam.sources.mujoco.layers import with_layers
 from warpcam.sources.mujoco.mjv_geoms import MjvGeomSlots
@@ -180,6 +182,7 @@ def load(
     transparency: Transparency = None,
     decor: MjvGeomSlots | None = None,
     planes_from_behind: bool = False,
+    splats: Sequence[Splats] = (),
 ) -> Scene:
     model.check_model(mjm, "mjm")
     several = isinstance(mjd, list | tuple)
@@ -196,16 +199,15 @@ def load(
                 f"{data.xpos.shape[0]} bodies, mjm has {mjm.ngeom} and {mjm.nbody}"
             )
     resolved = device_rule.resolve(device)
-    return Scene(
-        MujocoSource(
-            mjm,
-            mjds,
-            groups=groups,
-            device=resolved,
-            draw=draw,
-            reflections=reflections,
-            transparency=transparency,
-            decor=decor,
-            planes_from_behind=planes_from_behind,
-        )
+    source = MujocoSource(
+        mjm,
+        mjds,
+        groups=groups,
+        device=resolved,
+        draw=draw,
+        reflections=reflections,
+        transparency=transparency,
+        decor=decor,
+        planes_from_behind=planes_from_behind,
     )
+    return Scene(with_splats(source, splats))

@@ -13,7 +13,7 @@ from warpcam.sources.common.materials import NORMS
 from warpcam.textures.pack import TextureImage
 
 MAPPED = (ROLE_NORMAL, ROLE_OPACITY, ROLE_EMISSION, ROLE_PACKED)  # roles of textures that are read beside the colour's
-APART = {2: "occlusion", 3: "roughness", 4: "metallic"}  # roles that only a packed map has here
+UNREAD = {2: "occlusion", 3: "roughness", 4: "metallic", 6: "opacity"}  # roles; a packed map has the first three
 STRAIGHT = 0.08  # reflectance at normal incidence of a material whose `specular` is 1
 
 
@@ -40,9 +40,9 @@ def physical_arrays(
         device: Where the arrays lie.
     """
     if mjm.nmat:
-        for role, name in APART.items():
+        for role, name in UNREAD.items():
             if (mjm.mat_texid[:, role] >= 0).any():
-                told = "a material has a %s map of its own, which is not read; a packed map (orm) is"
+                told = "a material has a layer of the role %s, which is not read; a packed map (orm) is"
                 logging.getLogger("warpcam").warning(told, name)
     exponent = 128.0 * np.clip(mjm.mat_shininess, 0.0, 1.0)
     rough = np.where(mjm.mat_roughness >= 0.0, mjm.mat_roughness, (2.0 / (exponent + 2.0)) ** 0.25)

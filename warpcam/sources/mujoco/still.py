@@ -1,12 +1,14 @@
 """Worlds of one MuJoCo model that nobody simulates: posed on the host by one MjData, copied to the device once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warpcam.scene.scene import Scene
+from warpcam.sources.common.splats import Splats
+from warpcam.sources.common.with_splats import with_splats
 from warpcam.sources.mujoco.host import MujocoSource
 
 
@@ -53,7 +55,9 @@ class StillSource(MujocoSource):
         yield from self._pairs_of(self._model_names, (self._mjm,))
 
 
-def load(mjm: Any, mjd: Any, positions: np.ndarray, device: wp.Device) -> tuple[Scene, StillSource]:
-    """The scene of still worlds, and its source."""
+def load(
+    mjm: Any, mjd: Any, positions: np.ndarray, device: wp.Device, splats: Sequence[Splats] = ()
+) -> tuple[Scene, StillSource]:
+    """The scene of still worlds, with these splats, and its source."""
     source = StillSource(mjm, mjd, positions, device)
-    return Scene(source), source
+    return Scene(with_splats(source, splats)), source

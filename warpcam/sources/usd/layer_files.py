@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from pxr import Ar, Sdf, Tf, UsdUtils
 
-from warpcam.core.errors import RefusedError
+from warpcam.core.errors import RefusedError, WarpcamError
 from warpcam.core.file_access import FileAccess, is_file
 
 PACKAGE = ".usdz"
@@ -23,6 +23,7 @@ def check_layers(path: str, access: FileAccess) -> list[Sdf.Layer]:
 
     Raises:
         RefusedError: One lies outside of what may be opened, or is too large, or a package is no plain one.
+        WarpcamError: One is damaged in a way that would end the process.
     """
     layers: list[Sdf.Layer] = []
     todo, done, checked = [path], set(), set()
@@ -94,8 +95,19 @@ def _check_archive(file: object, name: str, size: int, access: FileAccess, depth
         return  # USD tells of a damaged one
 
 
+def _check_names(layer: Sdf.Layer) -> None:
+    """Raise ``WarpcamError`` if a binary layer has a child without a valid name, for which USD ends the process."""
+    paths: list[Sdf.Path] = []
+    layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    if any(path.isEmpty for path in paths):
+        raise WarpcamError(
+            f"{layer.identifier}: the file is damaged: a prim in it has no valid name; write or download it again"
+        )
+
+
 def _named(layer: Sdf.Layer) -> list[str]:
     """Paths of other layers, and of clips, as a layer has them written; in clips, # stands for digits."""
+    _check_names(layer)
     found = set(layer.GetCompositionAssetDependencies())
     for part in UsdUtils.ExtractExternalReferences(layer.identifier):
         found |= {name for name in part if Sdf.FileFormat.FindByExtension(Sdf.Layer.SplitIdentifier(name)[0])}

@@ -259,7 +259,7 @@ def _joint_names(path: Path) -> dict[str, list[str]]:
     """Names of the joints of each body of an MJCF file, by the name that Newton gives them together."""
     try:
         tree = ElementTree.parse(path)
-    except ElementTree.ParseError:
+    except (ElementTree.ParseError, LookupError, ValueError):  # no XML, or of an encoding that Python does not read
         return {}
     bodies = [[joint.get("name", "") for joint in body.findall("joint")] for body in tree.iter("body")]
     return {"_".join(names): names for names in bodies if len(names) > 1}
