@@ -1,8 +1,10 @@
-"""Clouds of Gaussians beside Newton's camera: ``python -m warpcam.benchmarks.splats``.
+"""Clouds of Gaussians beside Newton's camera and MuJoCo-Warp: ``python -m warpcam.benchmarks.splats``.
 
 One cloud for all worlds, a body that moves in front of it, and a camera that is elsewhere in each world and frame.
 Newton's camera is asked for the 20 nearest Gaussians of a ray, its own default, and for nothing behind them; ours
 blends all of them over what is behind.
+
+MuJoCo-Warp draws the same cloud in a scene of its own, in which each world has one of two such clouds.
 """
 
 import argparse
@@ -10,6 +12,8 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import mujoco
+import mujoco_warp as mjw
 import newton
 import numpy as np
 import warp as wp
@@ -84,7 +88,7 @@ def measured(count: int, worlds: int, side: int, with_newton: bool) -> dict[str,
         wp.copy(state.body_q, bodies[index])
         wp.copy(places, positions[index])
 
-    found: dict[str, Any] = {"gaussians": count, "worlds": worlds, "side": side}
+    found: dict[str, Any] = {"scene": "newton", "gaussians": count, "worlds": worlds, "side": side}
     found["warpcam"] = timed(lambda: renderer.render(), place, device)
     if with_newton:
         sensor, view = SensorCamera(model), wp.clone(views[0])
@@ -110,6 +114,73 @@ def measured(count: int, worlds: int, side: int, with_newton: bool) -> dict[str,
     return found
 
 
+def measured_mujoco(count: int, worlds: int, side: int, with_theirs: bool) -> dict[str, Any]:
+    """Milliseconds a frame of rgb and depth, with two clouds of so many Gaussians that worlds have in turn."""
+    device = wp.get_device()
+    mjm = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><light pos="0 0 1"/><body name="eye" mocap="true"><camera name="eye" fovy="{FOVY}" '
+        'xyaxes="1 0 0 0 0 1"/></body><body mocap="true"><geom type="capsule" size="0.15 0.3"/></body>'
+        "</worldbody></mujoco>"
+    )
+    mjd = mujoco.MjData(mjm)
+    mujoco.mj_forward(mjm, mjd)
+    m, d = mjw.put_model(mjm), mjw.put_data(mjm, mjd, nworld=worlds)
+    poses = [
+        wp.array(np.stack(both, axis=1).astype(np.float32), dtype=wp.vec3)
+        for both in zip(
+            poses_of(worlds, (0.5, 0.3, 0.3), (0.0, -1.4, 0.1)),
+            poses_of(worlds, (0.7, 0.7, 0.5), (0.0, 0.5, 0.0)),
+            strict=True,
+        )
+    ]
+    groups = np.arange(worlds) % 2
+    clouds = [arrays_of(room(count, seed)) for seed in (0, 1)]
+    camera = wc.Camera("eye", width=side, height=side, outputs=("rgb", "depth"))
+    scene = wc.from_mujoco_warp(mjm, m, d, splats=wc.Splats(clouds, choice=groups))
+    renderer = wc.Renderer(scene, [camera], graph=False)
+
+    def place(index: int) -> None:
+        wp.copy(d.mocap_pos, poses[index])
+        mjw.kinematics(m, d)
+        mjw.camlight(m, d)
+
+    found: dict[str, Any] = {"scene": "mujoco", "gaussians": count, "clouds": 2, "worlds": worlds, "side": side}
+    found["warpcam"] = timed(lambda: renderer.render(), place, device)
+    if with_theirs:
+        both = {key: np.concatenate([cloud[key] for cloud in clouds]).astype(np.float32) for key in clouds[0]}
+        rc = mjw.create_render_context(
+            mjm,
+            nworld=worlds,
+            cam_res=(side, side),
+            render_rgb=True,
+            render_depth=True,
+            splat_position=both["positions"],
+            splat_rotation=both["rotations"],
+            splat_scale=both["scales"],
+            splat_rgba=np.concatenate((both["colors"], both["opacities"][:, None]), axis=1),
+            splat_adr=np.array((0, count, 2 * count)),
+            splat_group_id=groups,
+        )
+
+        def frame() -> None:
+            mjw.refit_bvh(m, d, rc)
+            mjw.render(m, d, rc)
+
+        found["mujoco_warp"] = timed(frame, place, device)
+    return found
+
+
+def arrays_of(cloud: newton.Gaussian) -> dict[str, np.ndarray]:
+    """The arrays of ``warpcam.Splats``."""
+    return {
+        "positions": cloud.positions,
+        "rotations": cloud.rotations[:, [3, 0, 1, 2]],
+        "scales": cloud.scales,
+        "opacities": cloud.opacities,
+        "colors": BASE * cloud.sh_coeffs[:, :3] + 0.5,
+    }
+
+
 def timed(frame: Callable[[], Any], place: Callable[[int], None], device: wp.Device) -> float:
     place(0)
     measure.time_first(frame, device)
@@ -122,10 +193,16 @@ def main() -> None:
     parser.add_argument("--worlds", type=int, default=1024)
     parser.add_argument("--side", type=int, default=64)
     parser.add_argument("--no-newton", action="store_true")
+    parser.add_argument("--no-mujoco-warp", action="store_true")
+    parser.add_argument("--scenes", nargs="+", choices=("newton", "mujoco"), default=["newton", "mujoco"])
     arguments = parser.parse_args()
     with measure.on_one_stream(wp.get_preferred_device()):
         for count in arguments.gaussians:
-            print(json.dumps(measured(count, arguments.worlds, arguments.side, not arguments.no_newton)), flush=True)
+            size = count, arguments.worlds, arguments.side
+            if "newton" in arguments.scenes:
+                print(json.dumps(measured(*size, not arguments.no_newton)), flush=True)
+            if "mujoco" in arguments.scenes:
+                print(json.dumps(measured_mujoco(*size, not arguments.no_mujoco_warp)), flush=True)
 
 
 if __name__ == "__main__":

@@ -129,6 +129,7 @@ class ShadingFlag(IntFlag):
     PHYSICAL = 1 << 12  # lit as native/shading/pbr.h does it
     HAS_MAPS = 1 << 13  # some material has more than the texture of its colour
     WRITE_BACK_TRANSPARENT = 1 << 14  # what covers most of a pixel replaces the trace's result there
+    GENERAL_PLANES = 1 << 15  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
     HAS_OFFSETS = 1 << 20  # textures are moved
     PER_WORLD_BACKGROUND = 1 << 21
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own
@@ -139,7 +140,8 @@ class ShadingFlag(IntFlag):
     ACES = 1 << 26
     KHRONOS_NEUTRAL = 1 << 27
     AGX = 1 << 28
-    GENERAL_PLANES = 1 << 29  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
+    HAS_ENVIRONMENT = 1 << 29  # an image in float lights the scene: native/shading/environment_map.h
+    SHOWS_ENVIRONMENT = 1 << 30  # and is behind everything
 
 
 NO_SHADING_FLAGS = ShadingFlag(0)
@@ -167,6 +169,7 @@ class SplatFlag(IntFlag):
     # As MuJoCo-Warp draws clouds: they are the surface where less light comes through than 0.005, and a ray ends there;
     # a Gaussian ends at an alpha of 0.01; ids are those of what is behind
     OPAQUE = 65536
+    HARMONICS = 131072  # colours depend on the ray
 
 
 def geometry_of(shape_types: Iterable[int]) -> GeometryFlag:

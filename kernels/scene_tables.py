@@ -40,6 +40,8 @@ class SceneTables:
     physical: Any = None  # Physical, of scenes that are lit as native/shading/pbr.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     backs_shade: bool = False  # in such a scene meshes that are seen from one side cast shadows from both
+    has_environment: bool = False  # images in float light such a scene: Physical.environments
+    shows_environment: bool = False  # and are behind everything
     splats: Any = None  # clouds of Gaussians, if shapes are such
     # (1,) vec2 where such clouds are solid: where less light than this share comes through, and how many Gaussians of a
     # cloud a ray blends at most; None where they are seen through

@@ -193,6 +193,19 @@ class Lights:
 
 
 @wp.struct
+class EnvironmentMaps:
+    """Images of light from all around, in float, and which of them each world has: native/shading/environment_map.h."""
+
+    texels: wp.array(dtype=wp.vec4)  # (texel,) linear radiance of all images and maps, one after another
+    layouts: wp.array(dtype=wp.int32)  # (image * ENVIRONMENT_NUMBERS,) where the parts of each begin, and their sizes
+    # sums of the shares of an image's rows, 0 first, and of each row's texels; empty where no paths draw them
+    sums: wp.array(dtype=wp.float32)
+    # (world, ENVIRONMENT_ROWS) the axes of the image in the world: middle, left, up; and the factor of its light. w of
+    # the first is the image's number, or -1
+    rows: wp.array2d(dtype=wp.vec4)
+
+
+@wp.struct
 class Physical:
     """Tables of physically based scenes beside Materials and Lights, whose colours have another meaning here.
 
@@ -216,6 +229,7 @@ class Physical:
     # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/shading/environment.h; last the factor of the
     # sky's image
     sky: wp.array2d(dtype=wp.vec3)
+    environments: EnvironmentMaps  # of scenes that are lit by such; else empty
 
 
 @wp.struct
@@ -256,4 +270,12 @@ class Splats:
     # (row,) a Gaussian is 4 rows, in leaf order: three rows of the matrix that takes its ellipsoid, outside of which it
     # is not seen, to the unit sphere, each with one coordinate of the centre; display colour, opacity
     gaussians: wp.array(dtype=wp.vec4)
+    # (row,) coefficients of the harmonics of a Gaussian, red, green, blue, are `harmonic_rows` rows, in the order of
+    # `gaussians`; the first has beside them as int bits how many there are, 0, 3, 8 or 15, and 16 where the sum of all
+    # is linear light; 0 where no cloud has any. With them the display colour is the part of all rays
+    harmonics: wp.array(dtype=wp.vec4)
+    harmonic_rows: wp.int32
+    # (gaussian,) place of each in the arrays that clouds were given as, of all clouds one after another; empty where
+    # their Gaussians never change
+    order: wp.array(dtype=wp.int32)
     bits: wp.int32  # of 32: what is below names a Gaussian within its cloud, what is above the place in `columns`

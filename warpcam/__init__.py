@@ -21,6 +21,7 @@ from warpcam.render.denoise import denoise
 from warpcam.render.memory import Memory, estimate_memory
 from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
+from warpcam.scene.environments import Environments
 from warpcam.scene.file_scene import DrivenScene
 from warpcam.scene.light import Light
 from warpcam.scene.scene import Scene
@@ -39,6 +40,7 @@ __all__ = [
     "Distorted",
     "DoubleSphere",
     "DrivenScene",
+    "Environments",
     "Equirectangular",
     "ExtendedUnified",
     "FTheta",

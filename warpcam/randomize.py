@@ -269,6 +269,12 @@ def _record(
         if most is not None and (min(what[0]) < -1 or max(what[0]) >= most):
             allowed = f"-1 for none and 0 to {most - 1}" if most else "-1 for none alone"
             raise WarpcamError(f"randomize: {name}: a choice of indices takes {allowed}, got {recipe.values!r}")
+        limits = ranges_of(target).get(name) if isinstance(target, WorldArrays) else None
+        if limits is not None and not limits[0] <= min(what[0]) <= max(what[0]) <= limits[1]:
+            raise WarpcamError(
+                f"randomize: {name}: a choice takes whole numbers from {limits[0]:g} to {limits[1]:g}, got "
+                f"{recipe.values!r}"
+            )
         if name == "skybox" and isinstance(target, Scene) and set(what[0]) - {-1, *target.cubes()}:
             cubes = ", ".join(map(str, target.cubes()))
             raise WarpcamError(f"randomize: skybox takes -1 for none and cube textures, {cubes}, got {recipe.values!r}")

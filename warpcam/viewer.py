@@ -1,5 +1,6 @@
 """A scene in a browser: whoever opens the page looks around in it with a camera of their own."""
 
+import socket
 import time
 from typing import Any, NamedTuple
 
@@ -122,8 +123,7 @@ class Viewer:
         for name, value, most in (("width", width, 8192), ("height", height, 8192), ("port", port, 65535)):
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
                 raise WarpcamError(f"Viewer: {name} must be a whole number from 1 to {most}, got {value!r}")
-        if not isinstance(host, str):
-            raise WarpcamError(f'Viewer: host must be an address like "127.0.0.1", got {host!r}')
+        _check_host(host)
         self._scene, self._width, self._height = scene, int(width), int(height)
         self._renderer: tuple[tuple[str | None, ...], Renderer, Rig | None] | None = None
         self._shown: dict[int, ShownPicture] = {}
@@ -151,7 +151,8 @@ class Viewer:
     @property
     def url(self) -> str:
         """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        host = self.server.get_host()
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.server.get_port()}"
 
     def update(self, moved: bool = True) -> int:
         """Draw the state as it is now for all who look; returns how many pictures were sent.
@@ -281,3 +282,16 @@ def _bordered(picture: np.ndarray, aspect: float) -> np.ndarray:
     height, width = picture.shape[:2]
     beside, over = max(round(height * aspect) - width, 0), max(round(width / aspect) - height, 0)
     return np.pad(picture, ((over // 2, over - over // 2), (beside // 2, beside - beside // 2), (0, 0)))
+
+
+def _check_host(host: Any) -> None:
+    """Refuse what no server of this machine can listen at, for which viser's would wait without end."""
+    allowed = 'Viewer: host must be an address of this machine like "127.0.0.1"'
+    if not isinstance(host, str):
+        raise WarpcamError(f"{allowed}, got {host!r}")
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as free:
+            free.bind(address)
+    except (OSError, UnicodeError) as error:
+        raise WarpcamError(f"{allowed}, got {host!r}: {error}") from None

@@ -55,6 +55,7 @@ def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) ->
         | flag_if(ShadingFlag.HAS_TRANSPARENT, layers is not None and layers.has_transparent)
         | shading.override_flags(tables.world_overrides, tables.headlights)
         | shading.tone_flag(request, request.outputs)
+        | shading.environment_flags(tables)
         | ShadingFlag.PHYSICAL
     )
     return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)

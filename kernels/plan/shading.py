@@ -173,7 +173,14 @@ def appearance_flags(tables: SceneTables, shadows: bool = False) -> ShadingFlag:
         | flag_if(ShadingFlag.SEPARATE_PLANE_PATH, plane_path)
         | flag_if(ShadingFlag.PHYSICAL, tables.physical is not None)
         | flag_if(ShadingFlag.HAS_MAPS, tables.has_maps and tables.has_textures)
+        | environment_flags(tables)
     )
+
+
+def environment_flags(tables: SceneTables) -> ShadingFlag:
+    """Flags of images in float that light a scene."""
+    flags = flag_if(ShadingFlag.HAS_ENVIRONMENT, tables.has_environment)
+    return flags | flag_if(ShadingFlag.SHOWS_ENVIRONMENT, tables.shows_environment)
 
 
 def traced_albedo_flags(tables: SceneTables) -> ShadingFlag:

@@ -64,6 +64,8 @@ def plan_splats(
     flags |= flag_if(SplatFlag.SOLID, tables.splat_limits is not None)
     flags |= flag_if(SplatFlag.LINEAR, tables.physical is not None and "hdr" in images)
     flags |= flag_if(SplatFlag.OPAQUE, tables.opaque_splats)
+    colored = not {"rgb", "rgba", "hdr", "albedo"}.isdisjoint(images)
+    flags |= flag_if(SplatFlag.HARMONICS, tables.splats.harmonic_rows > 0 and colored)
     for name, flag in IMAGES.items():
         flags |= flag_if(flag, name in images and not (tables.opaque_splats and name in IDS))
     capacity = next(size for size in CAPACITIES if size >= tables.splats.columns.shape[0])

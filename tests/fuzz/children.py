@@ -135,6 +135,11 @@ def _outcome(open_case: Callable[[int], None], case: int) -> Outcome:
         frames = traceback.extract_tb(error.__traceback__)
         own = [frame for frame in frames if frame.filename.startswith(f"{ROOT}/warpcam")]
         places = [*(own[-1:]), *frames[-1:]]
-        place = " < ".join(f"{frame.filename.removeprefix(ROOT)}:{frame.lineno}" for frame in places)
+        place = " < ".join(f"{_shown(frame.filename)}:{frame.lineno}" for frame in places)
         return Outcome(case, "other", f"{type(error).__name__}: {str(error)[:200]}", place)
     return Outcome(case, "ok")
+
+
+def _shown(file: str) -> str:
+    """A file's path without what differs between machines."""
+    return file.removeprefix(ROOT).rpartition("/site-packages/")[2]

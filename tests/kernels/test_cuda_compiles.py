@@ -17,11 +17,13 @@ import warp as wp
 
 import warpcam as wc
 from warpcam import sensors
+from warpcam.compat.mujoco_warp.splats import ContextSplats
 from warpcam.kernels.flags import SceneFlag, ShadingFlag
 from warpcam.kernels.plan import edges
 from warpcam.kernels.runtime import compile as compilation
 from warpcam.kernels.runtime import launch
 from warpcam.kernels.update import refit
+from warpcam.kernels.update.refit_gaussians import GaussianArrays, bind_refit_gaussians
 from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
@@ -77,6 +79,7 @@ def _render(
     size: tuple[int, int] = (64, 64),
     backs: bool = False,
     look: Any = None,
+    sky: bool = False,
     **options: Any,
 ) -> None:
     position = (0.0, -2.0, 0.6)
@@ -88,7 +91,9 @@ def _render(
         rotation=scenes.looking(position, (0.0, 0.0, 0.0)),
         **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
     )
-    wc.Renderer(wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs), [camera], look=look)
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs)
+    environments = wc.Environments(scene, np.ones((4, 8, 3), np.float32)) if sky else None
+    wc.Renderer(scene, [camera], look=look, environments=environments)
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -222,6 +227,13 @@ def test_of_tone_mapping(look: str, curve: str, card: list[launch.Stage], folder
     assert _compile([stage for stage in card if name in stage.module.name], folder) == 1
 
 
+@pytest.mark.parametrize("look", ["pbr", "path"])
+def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> None:
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
+    names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 2
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_rays_that_begin_apart(antialiasing: int, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
@@ -250,6 +262,33 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
     assert _compile(card, folder) >= 3
+
+
+def test_of_splats_by_world(card: list[launch.Stage], folder: Path) -> None:
+    """Colours that depend on the ray, and what places the clouds."""
+    mjm = scenes.compile_xml(FEW + LIGHTS, assets=ASSETS)
+    cloud = {"positions": np.zeros((1, 3)), "scales": np.ones((1, 3)), "colors": np.ones((1, 3))}
+    splats = ContextSplats([cloud, {**cloud, "harmonics": np.ones((1, 15, 3))}], choice=[0, 1])
+    scene = wc.from_mujoco(mjm, [scenes.forward(mjm)] * 2, splats=splats)
+    wc.Renderer(scene, [scenes.own_camera(width=64, height=64, outputs=("rgb", "depth"))])
+    found = [stage for stage in card if "splats" in stage.module.name]
+    trees = bind_refit_gaussians(GaussianArrays(), scene.tables().splats, scene.device)
+    assert _compile([*found, *scene.stages(), *trees], folder) == 4
+
+
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Fisheye(fovy=100.0)])
+def test_of_labels(lens: Any, card: list[launch.Stage], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Amodal masks are traced, of each instance alone."""
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<body name="base"><geom size=".1"/></body>', assets=ASSETS + HILLS)
+    scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10))
+    camera = scenes.own_camera(width=64, height=64, outputs=("depth", "segmentation", "bodies"), lens=lens)
+    renderer = wc.Renderer(scene, [camera])
+    card.clear()
+    monkeypatch.setattr("warpcam.labeling.labels.prepare", card.extend)
+    wc.labels(renderer, keypoints={"middle": (1, (0.0, 0.0, 0.0))})
+    assert any("cover_instance" in stage.module.name for stage in card)
+    assert _compile(card, folder) >= 4
 
 
 @pytest.mark.parametrize("echoes", [1, 2])

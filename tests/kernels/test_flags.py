@@ -60,6 +60,7 @@ def test_lenses_are_alike() -> None:
                 ("shading/appearance.h", "LayerFact"),
                 ("shading/world_overrides.h", "OverrideFact"),
                 ("shading/tone_mapping.h", "ToneFlag"),
+                ("shading/environment_map.h", "EnvironmentFlag"),
             ],
         ),
         (SplatFlag, "SPLAT_", [("splats/gaussian_blend.h", "SplatOutput")]),

@@ -13,8 +13,6 @@ MUJOCO_WARP: Mapping[str, str] = {
     "RenderTest.test_backfaces_are_shaded_two_sided": "enable_backface_culling=False is refused",
     "RenderTest.test_megakernel_cached_across_renders": INTERNALS,
     "RenderTest.test_per_world_skybox_textures": "changed settings of an existing context are refused",
-    "RenderTest.test_render_splat": "splat_position is refused",
-    "RenderTest.test_splat_is_occluded_by_geometry": "splat_position is refused",
     "RenderTest.test_render_spot_light_with_attenuation": INTERNALS,
     "RenderTest.test_shadow_light_fraction_scales_shadowed_light1": (
         "a shadow has none of its light, as in MuJoCo's own renderer: 0.3 means 0"

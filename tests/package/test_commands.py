@@ -42,6 +42,8 @@ warpcam.benchmarks.training_table: `tests/benchmarks/test_training.py`
 tests.fuzz: `tests/fuzz/test_fuzz.py`
 tests.path.compare_looks: `tests/path/test_compare_looks.py` `test_the_table`
 tests.other_projects: `tests/package/test_other_projects.py`
+tests.sanitizers: `tests/sanitizers/test_sanitizers.py` `test_faults_of_cpu_kernels_are_found`
+tests.soak: `tests/soak/test_soak.py` `test_frames_stay_as_a_new_renderer_draws_them`
 torchrun: `tests/train/test_ranks.py` `test_two_processes_learn_the_same_weights_from_different_worlds`
 """
 # Minutes on a CPU, or a GPU: each is parsed, and functions of it are tested (tests/benchmarks).

@@ -152,6 +152,16 @@ def usd() -> Names:
     return {}
 
 
+def skies() -> Names:
+    oiio: Any = pytest.importorskip("OpenImageIO")
+    for name in ("noon.hdr", "studio.exr"):
+        output = oiio.ImageOutput.create(name)
+        assert output.open(name, oiio.ImageSpec(16, 8, 3, "float"))
+        assert output.write_image(np.full((8, 16, 3), 0.5, np.float32))
+        output.close()
+    return usd()
+
+
 def sensors() -> Names:
     newton = pytest.importorskip("newton")
     builder = newton.ModelBuilder()
@@ -260,6 +270,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/mujoco_warp.md": simulated,
     "docs/newton.md": newton,
     "docs/outputs.md": outputs,
+    "docs/environments.md": skies,
     "docs/path_tracing.md": usd,
     "docs/splats.md": in_a_file,
     "docs/randomize.md": looked_at,

@@ -44,13 +44,15 @@ def complaints(reference: np.ndarray, image: np.ndarray) -> list[str]:
             found.append(f"{name}: {many:.1%} of the pixels are off by more than {LARGEST}")
         if off[..., channel].mean() > MEAN:
             found.append(f"{name}: off by {off[..., channel].mean():.2f} in the mean")
+    if found:
+        return found  # FLIP, which takes longer than all else, has nothing to decide
     try:
         import flip_evaluator
     except ImportError:
         return found
     as_floats = (np.ascontiguousarray(picture, np.float32) / 255.0 for picture in (reference, image))
     flip = flip_evaluator.evaluate(*as_floats, "LDR", applyMagma=False)[1]
-    return [*found, f"FLIP is {flip:.3f}"] if flip > FLIP else found
+    return [f"FLIP is {flip:.3f}"] if flip > FLIP else []
 
 
 @pytest.mark.parametrize("feature", PICTURES)

@@ -2,8 +2,11 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -20,7 +23,7 @@ TOOLS = {
     "synccheck": (),
 }
 PLACES = ("/usr/local/cuda/bin/compute-sanitizer",)  # where it may be beside the PATH
-LIMIT = 280.0  # seconds of a process
+LIMIT = 290.0  # seconds in all
 Ran = tuple[str, int | None, str]  # tool, exit status (None where its time was over) and what it wrote
 
 
@@ -47,13 +50,14 @@ def run(names: Sequence[str], tools: Sequence[str], processes: int) -> dict[str,
     """
     count = max(1, min(len(names), processes // len(tools)))
     groups = [names[first::count] for first in range(count)]
+    until = time.monotonic() + LIMIT
     with ThreadPoolExecutor(processes) as pool:
-        compiled = list(pool.map(lambda group: _drawn("compiled", group), groups))
+        compiled = list(pool.map(lambda group: _drawn("compiled", group, until), groups))
         for _, status, text in compiled:
             if status != 0:
                 raise RuntimeError(text[-4000:])
         jobs = [(tool, group) for tool in tools for group in groups]
-        watched = list(pool.map(lambda job: _drawn(*job), jobs))
+        watched = list(pool.map(lambda job: _drawn(*job, until), jobs))
     scenes = [scene for tool, _, text in watched for scene in reports.drawn(text, tool)]
     begun = {(scene["tool"], scene["scene"]) for scene in scenes}
     for tool, group in jobs:
@@ -71,15 +75,21 @@ def run(names: Sequence[str], tools: Sequence[str], processes: int) -> dict[str,
     }
 
 
-def _drawn(tool: str, names: Sequence[str]) -> Ran:
-    """Draw scenes in one process."""
+def _drawn(tool: str, names: Sequence[str], until: float) -> Ran:
+    """Draw scenes in one process, which is ended with all its children when its time is over."""
     watch = () if tool == "compiled" else (str(_program()), "--tool", tool, *TOOLS[tool], "--print-limit", "100")
     command = [*watch, sys.executable, "-m", "tests.sanitizers.draw", "cuda:0", *names]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(reports.ROOT), os.environ.get("PYTHONPATH", "")])}
-    try:
-        ran = subprocess.run(
-            command, cwd=reports.ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=LIMIT
+    with tempfile.TemporaryFile() as out:
+        process = subprocess.Popen(
+            command, cwd=reports.ROOT, env=env, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
-    except subprocess.TimeoutExpired as error:
-        return tool, None, (error.stdout or b"").decode(errors="replace") + f"\nover {LIMIT:g} s"
-    return tool, ran.returncode, ran.stdout.decode(errors="replace")
+        try:
+            status: int | None = process.wait(max(until - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+            status = None
+        out.seek(0)
+        text = out.read().decode(errors="replace")
+    return tool, status, text if status is not None else f"{text}\nthe {LIMIT:g} s of all were over"

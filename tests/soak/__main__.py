@@ -47,7 +47,9 @@ def main(arguments: list[str] | None = None) -> int:
     grown = [name for name, most in LIMITS.items() if result.growth[name] > most]
     for name in grown:
         print(f"soak: memory grew: {name} by {result.growth[name]:,} bytes, {LIMITS[name]:,} are allowed")
-    return int(bool(result.differences or grown))
+    if not result.checks:
+        print(f"soak: no frame was compared in {result.frames} frames; give --check-every")
+    return int(bool(result.differences or grown or not result.checks))
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import mujoco_warp as mjw
 import numpy as np
 import pytest
 import scenes
+import torch
 import warp as wp
 
 import warpcam as wc
@@ -90,12 +91,45 @@ def test_by_definition(device: wp.Device, rgba: tuple[float, ...], count: int) -
     assert (seen["seg"] == plain["seg"]).all()
 
 
+def test_no_gaussians(device: wp.Device) -> None:
+    seen, plain = (seen_by(ours, device, 1, **options) for options in (gaussians(0, seed=0), {}))
+    assert all((seen[name] == plain[name]).all() for name in plain)
+
+
+def test_refit(device: wp.Device) -> None:
+    """Gaussians that are written anew, some of them seen for the first time, are drawn as new ones are."""
+    before, after = gaussians(300, seed=1), gaussians(300, seed=2)
+    before["splat_rgba"][:50, 3], before["splat_scale"][50:60] = 0.0, 0.0
+    after["splat_rgba"][100:130, 3] = 0.0
+    groups = {"splat_adr": np.array((0, 90, 90, 300)), "splat_group_id": np.array((2, 0, 1))}
+    mjm = scenes.compile_xml(WORLD)
+    with wp.ScopedDevice(device):
+        m, d = mjw.put_model(mjm), mjw.put_data(mjm, scenes.forward(mjm), nworld=3)
+        rc = ours.create_render_context(mjm, nworld=3, **IMAGES, **before, **groups)
+        ours.render(m, d, rc)
+        first = rc.rgb_data.numpy().copy()
+        for name, values in after.items():
+            getattr(rc, name).assign(values)
+        ours.render(m, d, rc)
+        assert (rc.rgb_data.numpy() == first).all()
+        ours.refit_splat_bvh(rc)
+        ours.render(m, d, rc)
+        new = ours.create_render_context(mjm, nworld=3, **IMAGES, **after, **groups)
+        ours.render(m, d, new)
+    mine, theirs = (context.rgb_data.numpy().view(np.uint8).astype(int) for context in (rc, new))
+    assert (mine != first.view(np.uint8)).mean() > 0.1
+    assert np.abs(mine - theirs).max() <= 1
+    assert rc.depth_data.numpy() == pytest.approx(new.depth_data.numpy(), rel=1e-4)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"splat_rgba": None}, "splat_position, splat_rotation, splat_scale came without splat_rgba"),
         ({"splat_scale": np.ones((3, 2))}, r"splat_scale must have shape \(3, 3\), got \(3, 2\)"),
         ({"splat_rotation": "none"}, "splat_rotation must be an array of numbers, got 'none'"),
+        ({"splat_scale": torch.ones((3, 2), requires_grad=True)}, r"splat_scale must have shape \(3, 3\), got"),
+        ({"splat_scale": np.full((3, 2), 1e300)}, r"splat_scale must have shape \(3, 3\), got"),
         ({"splat_adr": [0, 2]}, "splat_adr must ascend from 0 to 3, the number of Gaussians"),
         ({"splat_adr": [0, 3, 2, 3]}, "splat_adr must ascend from 0 to 3"),
         ({"splat_group_id": [1]}, "splat_group_id must have a group from 0 to 0 for each of 1 worlds, got"),

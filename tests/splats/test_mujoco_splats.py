@@ -85,12 +85,17 @@ def test_they_move_with_a_body(device: wp.Device) -> None:
     splats = wc.Splats(cloud(RED, positions=[(0.1, 0.0, 0.0)]), body="cart", position=(0.0, 0.0, 0.2), rotation=turned)
     scene, d = scene_of([splats], device)
     renderer = wc.Renderer(scene, [eye()])
-    for shift in (0.0, -0.3):
+    for shift, rotation, middle in (
+        (0.0, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.4 + 0.2 - 0.1)),
+        (-0.3, (1.0, 0.0, 0.0, 0.0), (-0.3, 0.0, 0.4 + 0.2 - 0.1)),
+        (-0.3, turned, (-0.3 + 0.2 - 0.1, 0.0, 0.4)),  # z to x, and what was -z to -x
+    ):
         scenes.write(d.qpos, (slice(None), 0), shift)
+        scenes.write(d.qpos, (slice(None), slice(3, 7)), rotation)
         with wp.ScopedDevice(device):
             seen = scenes.on_host(renderer.render(forward=True)["eye"])
-        expected = alphas((shift, 0.0, 0.4 + 0.2 - 0.1))[..., None] * np.array(RED)
-        assert np.abs(seen["rgb"] * STEP - expected)[:, :, :18].max() < 1.5 * STEP
+        expected = alphas(middle)[..., None] * np.array(RED)
+        assert np.abs(seen["rgb"] * STEP - expected)[:, :14, :18].max() < 1.5 * STEP  # apart from the ball
     row, column = np.argwhere(seen["segmentation"][0] == 2)[0]
     assert (seen["bodies"][:, row, column] == 1).all()
 
@@ -187,6 +192,10 @@ def test_files(device: wp.Device, tmp_path: Path) -> None:
     ):  # fmt: skip
         with pytest.raises(wc.WarpcamError, match=message):
             wc.load(tmp_path / "scene.xml", device=device, splats=wc.Splats(tmp_path / name))
+    text = (tmp_path / "red.ply").read_text().replace("float f_dc_2\n", "float f_dc_2\nproperty float f_rest_0\n")
+    (tmp_path / "rest.ply").write_text(text.rstrip() + " 0.0\n")
+    with pytest.raises(wc.WarpcamError, match=r"rest\.ply: .* have 1 columns f_rest"):
+        wc.load(tmp_path / "scene.xml", device=device, splats=wc.Splats(tmp_path / "rest.ply"))
     small = wc.Splats(tmp_path / "red.ply", limits=wc.Limits(file_bytes=100))
     with pytest.raises(wc.WarpcamError, match="100"):
         wc.load(tmp_path / "scene.xml", device=device, splats=small)
@@ -199,11 +208,16 @@ def test_files(device: wp.Device, tmp_path: Path) -> None:
     [
         ({"clouds": []}, "Splats: clouds is empty"),
         ({"clouds": 3}, "Splats: clouds must be paths of .ply files or mappings .* got int"),
+        ({"clouds": (cloud(RED) for _ in range(2))}, "Splats: clouds must be .* got generator"),
         ({"clouds": [cloud(RED), None]}, "Splats: clouds must be .* got NoneType"),
         ({"position": (0, 0)}, r"Splats: position must be 3 finite numbers, got \(0, 0\)"),
         ({"rotation": (0, 0, 0, 0)}, "Splats: rotation must be a quaternion of any length but 0"),
         ({"scale": 0.0}, "Splats: scale must be above 0, got 0.0"),
         ({"scale": (1.0, np.nan, 1.0)}, "Splats: scale must be a finite number or 3 finite numbers"),
+        ({"scale": 1e-300}, "Splats: scale must be above 0, got 1e-300"),
+        ({"scale": 1e300}, r"Splats: scale must be a finite number or 3 finite numbers, got 1e\+300"),
+        ({"position": (0.0, 1e300, 0.0)}, "Splats: position must be 3 finite numbers"),
+        ({"rotation": wp.quat(0.0, 0.0, 0.0, 1.0)}, "Splats: rotation .*wp.quat"),
         ({"body": 1.5}, "Splats: body must be a name, an index or None, got 1.5"),
         ({"body": "arm"}, "Splats: body: the scene has no body 'arm'; it has: 'world', 'cart'"),
         ({"choice": [0, 1]}, "Splats: choice must be a whole number or one for each of 3 worlds"),
@@ -214,6 +228,9 @@ def test_files(device: wp.Device, tmp_path: Path) -> None:
         ({"clouds": cloud(RED, opacities=[1.5])}, r"opacities must be in \[0, 1\]"),
         ({"clouds": cloud(RED, scales=[(-1, 1, 1)])}, "scales must not be below 0"),
         ({"clouds": cloud(RED, scales=[(1, 1)])}, r"scales must have shape \(1, 3\), got \(1, 2\)"),
+        ({"clouds": cloud(RED, positions=1.0)}, r"positions must have shape \(n, 3\), got \(\)"),
+        ({"clouds": cloud(RED, positions=[(0.0, 1e300, 0.0)])}, r"positions must be finite and below 1e\+18"),
+        ({"clouds": cloud(RED, rotations=[wp.quat(0.0, 0.0, 0.0, 1.0)])}, "rotations .*wp.quat"),
         ({"clouds": cloud(RED, colors="red")}, "colors must be an array of numbers, got str"),
     ],
 )

@@ -349,8 +349,8 @@ def test_bounds_and_memory(device: wp.Device) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"positions": [(0.0, np.nan, 0.0)]}, "positions must be finite, got .* at Gaussian 0"),
-        ({"opacities": [np.inf]}, "opacities must be finite, got inf at Gaussian 0"),
+        ({"positions": [(0.0, np.nan, 0.0)]}, r"positions must be finite and below 1e\+18, got .* at Gaussian 0"),
+        ({"opacities": [np.inf]}, r"opacities must be finite and below 1e\+18, got inf at Gaussian 0"),
         ({"rotations": [(0.0, 0.0, 0.0, 0.0)]}, "rotations must be quaternions of any length but 0"),
     ],
 )

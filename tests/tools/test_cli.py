@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,6 +74,23 @@ def test_render_maps_tones(scene: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert (pictures[1] <= pictures[0]).all() and (pictures[1] < pictures[0]).any()
     assert render(scene, "--tone-mapping", "reinhard", "--out", tmp_path) == 2
     assert "tone_mapping is 'reinhard', and the look is 'mujoco'" in capsys.readouterr().err
+
+
+def test_render_lights_by_an_environment(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A red one turns the background red; what is no such file is told."""
+    oiio: Any = pytest.importorskip("OpenImageIO")
+    output = oiio.ImageOutput.create(str(tmp_path / "red.exr"))
+    assert output.open(str(tmp_path / "red.exr"), oiio.ImageSpec(16, 8, 3, "float"))
+    assert output.write_image(np.full((8, 16, 3), (0.5, 0.0, 0.0), np.float32))
+    output.close()
+    how = ("--look", "pbr", "--worlds", "1", "--size", "32x24", "--outputs", "rgb", "--out", tmp_path)
+    assert render(scene, *how, "--environment", tmp_path / "red.exr") == 0
+    image = np.asarray(Image.open(tmp_path / "front-rgb.png")).astype(int)
+    assert (image[0, 0] == (188, 0, 0)).all()
+    assert render(scene, *how, "--environment", tmp_path / "none.hdr") == 2
+    assert "there is no file" in capsys.readouterr().err
+    assert render(scene, "--environment", tmp_path / "red.exr", "--out", tmp_path) == 2
+    assert "the look is 'mujoco'" in capsys.readouterr().err
 
 
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

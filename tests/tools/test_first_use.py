@@ -28,7 +28,7 @@ print(*sys.modules, sep=",")
 sys.exit(code)
 """
 # Packages of other commands, and of other sources: each takes a second to import, or a library of windows with it.
-UNWANTED = {"mujoco_warp", "newton", "glfw", "matplotlib", "pandas", "jax", "trimesh", "rsl_rl", "viser"}
+UNWANTED = {"torch", "mujoco_warp", "newton", "glfw", "matplotlib", "pandas", "jax", "trimesh", "rsl_rl", "viser"}
 UNWANTED |= {"warpcam.sensors", "warpcam.datasets", "warpcam.train", "warpcam.benchmarks", "warpcam.viewer"}
 
 
@@ -51,6 +51,20 @@ def test_a_picture_without_network_and_noise(tmp_path: Path) -> None:
     with Image.open(tmp_path / pictures[0]) as picture:
         assert np.ptp(np.asarray(picture)) > 50
     assert not UNWANTED & set(modules.split(","))
+
+
+TENSORS_OF_EACH_FRAME = """
+import warpcam
+def draw(self, *given, draw=warpcam.Renderer.draw): draw(self, *given), self.images
+warpcam.Renderer.draw = draw
+"""
+
+
+def test_an_import_that_is_not_wanted_is_seen(tmp_path: Path) -> None:
+    code = TENSORS_OF_EACH_FRAME + OFFLINE
+    done = run(code, *PICTURE, "--device", "cpu", folder=tmp_path, CUDA_VISIBLE_DEVICES="")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert UNWANTED & set(done.stdout.splitlines()[-1].split(",")) == {"torch"}
 
 
 STARTED = """

@@ -1,5 +1,6 @@
 """The page in a browser: what it shows of a scene, when it is drawn anew, and the command that serves it."""
 
+import contextlib
 import sys
 import urllib.request
 from pathlib import Path
@@ -252,6 +253,17 @@ def test_the_page_is_served(viewer: Viewer) -> None:
         assert b"<html" in page.read().lower()
 
 
+def test_the_address_of_a_host_with_colons() -> None:
+    mjm = scenes.compile_xml("<geom size='0.1'/>")
+    scene = wc.from_mujoco(mjm, scenes.forward(mjm), device="cpu")
+    try:
+        viewer = Viewer(scene, width=16, height=16, host="::1")
+    except wc.WarpcamError:
+        pytest.skip("this machine has no IPv6")
+    with contextlib.closing(viewer), urllib.request.urlopen(viewer.url, timeout=10.0) as page:
+        assert viewer.url.startswith("http://[::1]:") and page.status == 200
+
+
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
@@ -259,6 +271,8 @@ def test_the_page_is_served(viewer: Viewer) -> None:
         ({"height": 32.0}, "height must be a whole number"),
         ({"port": 70000}, "port must be a whole number from 1 to 65535"),
         ({"host": 8080}, "host must be an address"),
+        ({"host": "192.0.2.1"}, "host must be an address of this machine .* got '192.0.2.1'"),
+        ({"host": "nowhere.invalid"}, "host must be an address of this machine .* got 'nowhere.invalid'"),
         ({"scene": "demo.xml"}, "scene must be a Scene, got str"),
         ({"look": "toon"}, "look is 'toon'; allowed are 'mujoco', 'pbr', 'path'"),
     ],

@@ -105,20 +105,24 @@ def one_thread() -> object:
 
 
 @pytest.mark.usefixtures("one_thread")
-def test_a_policy_learns_from_pixels(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_policy_learns_from_pixels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A short version of the command: twice the return of random actions, which is far from solved."""
     pytest.importorskip("imageio_ffmpeg")
     cv2 = pytest.importorskip("cv2")
-    command = "train cartpole --worlds 64 --size 32x32 --iterations 25 --device cpu --seed 2 --out"
+    assert CartPole.length == 250
+    monkeypatch.setattr(CartPole, "length", 100)
+    command = "train cartpole --worlds 64 --size 32x32 --iterations 15 --encoder small --device cpu --seed 2 --out"
     assert cli.main([*command.split(), str(tmp_path / "run")]) == 0
     told = json.loads((tmp_path / "run" / "returns.json").read_text())
     assert told["trained"] > 2.0 * told["random"]
-    assert len(told["curve"]) == 25 and told["curve"][-1]["steps"] == 25 * 16 * 64
+    assert len(told["curve"]) == 15 and told["curve"][-1]["steps"] == 15 * 16 * 64
     printed = capsys.readouterr().out
-    assert f"mean return of the policy: {told['trained']:.1f}, of 250 at most" in printed
-    assert (tmp_path / "run" / "model_24.pt").exists() and list((tmp_path / "run").glob("events.out.tfevents.*"))
+    assert f"mean return of the policy: {told['trained']:.1f}, of 100 at most" in printed
+    assert (tmp_path / "run" / "model_14.pt").exists() and list((tmp_path / "run").glob("events.out.tfevents.*"))
     film = cv2.VideoCapture(str(tmp_path / "run" / "video.mp4"))
-    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 250
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 100
     assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (4 * 130 - 2, 4 * 98 - 2)
 
 

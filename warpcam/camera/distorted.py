@@ -1,11 +1,12 @@
 """Lenses with tangential and thin-prism distortion, of a pinhole or of a fisheye."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from warpcam.camera.distortion import (
     distorted_once,
@@ -18,8 +19,9 @@ from warpcam.camera.fisheye import axis_angle, direction_at, half_angles, place_
 from warpcam.camera.lens_numbers import any_differs, coefficients_by_world, focal_matrix
 from warpcam.camera.lens_tables import FormulaTableLens
 from warpcam.camera.lens_tensors import LensNumbers, nan_unless, root
+from warpcam.core.torch_interop import torch
 
-Tensors3 = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+Tensors3 = tuple["torch.Tensor", "torch.Tensor", "torch.Tensor"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,11 +1,13 @@
 """Distortion of a plane: radial, tangential and by a thin prism, and its inverse."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 
 from warpcam.camera.lens_tensors import Columns, nan_unless, with_gradient
+from warpcam.core.torch_interop import torch
 
 ROUNDS = 50  # of the search for a place without distortion
 NEAR_ENOUGH = 1e-3  # pixels that it may lie aside
@@ -15,7 +17,7 @@ FOUND = 1e-9  # pixels aside at which the search ends
 WIDTH = 15
 BELOW, TANGENTIAL, PRISM = 6, 9, 11
 
-Place = tuple[torch.Tensor, torch.Tensor]
+Place = tuple["torch.Tensor", "torch.Tensor"]
 
 
 def distortion_numbers(

@@ -1,5 +1,7 @@
 """Fisheyes: lenses whose distance from the principal point depends on the angle from the axis alone."""
 
+from __future__ import annotations
+
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -7,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.polynomial.polynomial import polyder, polyval
 
 from warpcam.camera.lens_numbers import (
@@ -26,6 +27,7 @@ from warpcam.camera.lens_numbers import (
 from warpcam.camera.lens_tables import FormulaTableLens
 from warpcam.camera.lens_tensors import Columns, LensNumbers, nan_unless, sine_and_cosine, with_gradient
 from warpcam.core.errors import WarpcamError
+from warpcam.core.torch_interop import torch
 
 QUICK_ROUNDS = 6  # of Newton's method, which are enough for most lenses
 ROUNDS = 60  # of the search for a polynomial's value: halvings alone leave no float64 between an interval's ends

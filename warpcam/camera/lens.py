@@ -1,12 +1,13 @@
 """Lenses: how the pixels of an image become rays, and points become pixels."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import torch
 
 from warpcam.camera.lens_numbers import (
     any_differs,
@@ -29,6 +30,7 @@ from warpcam.camera.lens_tensors import (
     seen_alone,
     worlds_of,
 )
+from warpcam.core.torch_interop import torch
 
 Projection = Literal["pinhole", "orthographic", "rays", "offset_rays"]
 

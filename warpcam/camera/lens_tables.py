@@ -4,13 +4,14 @@ A table is made once, when the renderer is. Rays run from the camera's position,
 places; ``near`` and ``far`` count along them.
 """
 
+from __future__ import annotations
+
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from warpcam.accel.offset_ray_tables import offset_table_floats
 from warpcam.accel.ray_tables import MOST_PIXELS, table_floats
@@ -19,6 +20,7 @@ from warpcam.camera.lens_numbers import finite_numbers, shape_of
 from warpcam.camera.lens_tensors import along_rays, as_coordinates, seen_alone, worlds_of
 from warpcam.camera.ray_lookup import RayLookup
 from warpcam.core.errors import WarpcamError
+from warpcam.core.torch_interop import torch
 
 
 class RayTableLens(Lens):

@@ -1,18 +1,20 @@
 """Coordinates and numbers of lenses as torch tensors."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 import warp as wp
 
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
+from warpcam.core.torch_interop import torch
 
-Columns = Sequence[torch.Tensor | float]  # 0.0 where all numbers are 0
+Columns = Sequence["torch.Tensor | float"]  # 0.0 where all numbers are 0
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class LensNumbers:
     matrix: np.ndarray
     formula: Mapping[str, np.ndarray]
 
-    def of(self, world: int) -> "LensNumbers":
+    def of(self, world: int) -> LensNumbers:
         """Return the numbers of one world."""
         one = slice(world, world + 1)
         return LensNumbers(self.matrix[one], {name: values[one] for name, values in self.formula.items()})

@@ -1,11 +1,13 @@
 """Rays between the pixels of a table, and the search for the pixel whose ray meets a point."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
-import torch
 
 from warpcam.camera.lens_tensors import nan_unless, with_gradient
+from warpcam.core.torch_interop import torch
 
 SCORES = 1 << 22  # of points and rays that are compared at a time
 ROUNDS = 10  # of the search between pixels

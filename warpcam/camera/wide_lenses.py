@@ -1,19 +1,21 @@
 """Lenses that see more than half a sphere: omnidirectional ones with closed formulas, and panoramas."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from warpcam.camera.distortion import distorted_once, distortion_numbers, straightened
 from warpcam.camera.lens_numbers import any_differs, by_world, camera_matrix, focal_matrix, require, size_of
 from warpcam.camera.lens_tables import FormulaTableLens
 from warpcam.camera.lens_tensors import LensNumbers, nan_unless, root, sine_and_cosine
+from warpcam.core.torch_interop import torch
 
-Place = tuple[torch.Tensor, torch.Tensor]
-Direction = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+Place = tuple["torch.Tensor", "torch.Tensor"]
+Direction = tuple["torch.Tensor", "torch.Tensor", "torch.Tensor"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import torch
-
+from warpcam.core import torch_interop
 from warpcam.core.errors import OutOfMemoryError
 
 _FAILED = re.compile(r"Failed to allocate (?P<bytes>\d+) bytes (?:on|with \w+ on) device '(?P<device>[^']+)'")  # Warp's
@@ -22,7 +21,7 @@ def memory_told(call: str) -> Iterator[None]:
     try:
         yield
     except (RuntimeError, MemoryError) as error:
-        if isinstance(error, torch.OutOfMemoryError | MemoryError):
+        if isinstance(error, MemoryError) or torch_interop.is_out_of_memory(error):
             raise OutOfMemoryError(f"{call}: out of memory ({error}); {ADVICE}") from error
         failed = _FAILED.search(str(error))
         if failed is None:

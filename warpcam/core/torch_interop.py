@@ -1,21 +1,49 @@
 """Exchange of arrays between Warp and torch.
 
-No other module of the package imports torch, except the formulas of lenses, front ends whose data are torch's,
-training, datasets and the command line.
+Importing torch takes seconds: ``torch`` here is imported when something of it is first asked for. Modules that are
+imported with the package take it from here, with annotations that are not evaluated; front ends whose data are
+torch's, training, datasets and the command line import torch themselves.
 """
 
+from __future__ import annotations
+
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 import warp as wp
 
 from warpcam.core.errors import WarpcamError
 
-Tensor = torch.Tensor
+if TYPE_CHECKING:
+    import torch as torch  # to be taken from here
+
+    Tensor = torch.Tensor
+else:
+
+    class _LateModule(ModuleType):
+        """A module that is imported when something of it is first asked for."""
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("__"):  # what tools look for, none of it torch's
+                raise AttributeError(name)
+            module = import_module(self.__name__)
+            self.__dict__.update(vars(module))  # from now on found as fast as in the module itself
+            return getattr(module, name)
+
+    torch = _LateModule("torch")
+
+    def __getattr__(name: str) -> Any:
+        if name == "Tensor":
+            return torch.Tensor
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
 # CUDA's legacy default stream, which torch begins with: it and streams that are blocking wait for each other by
 # themselves.
 LEGACY = 0
@@ -41,7 +69,7 @@ def as_array(value: Any) -> wp.array | None:
     """
     if isinstance(value, wp.array):
         return value
-    if isinstance(value, torch.Tensor) and value.ndim:
+    if is_tensor(value) and value.ndim:
         try:
             return wp.from_torch(value.detach())
         except (TypeError, RuntimeError):  # a dtype, or a device
@@ -50,7 +78,8 @@ def as_array(value: Any) -> wp.array | None:
 
 
 def is_tensor(value: Any) -> bool:
-    return isinstance(value, torch.Tensor)
+    """Return whether it is one; imports nothing, as there are tensors only where torch has been imported."""
+    return "torch" in sys.modules and isinstance(value, torch.Tensor)
 
 
 def to_tensor(value: Any, device: torch.device) -> torch.Tensor:
@@ -71,7 +100,7 @@ def concatenate(tensors: Sequence[torch.Tensor], axis: int) -> torch.Tensor:
 
 def to_numpy(value: Any) -> np.ndarray:
     """A copy on the host of numbers in any form: torch, Warp, numpy or plain."""
-    if isinstance(value, torch.Tensor):
+    if is_tensor(value):
         host = value.detach().cpu()
         return host.float().numpy() if host.dtype is torch.bfloat16 else host.numpy()
     if isinstance(value, wp.array):
@@ -166,6 +195,11 @@ def _between(ours: wp.Stream, theirs: wp.Stream) -> Iterator[bool]:
 @lru_cache(maxsize=64)
 def _stream(ordinal: int, handle: int) -> wp.Stream:
     return wp.Stream(wp.get_cuda_device(ordinal), cuda_stream=handle)
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether torch raised it for a device that has no memory left."""
+    return "torch" in sys.modules and isinstance(error, torch.OutOfMemoryError)
 
 
 def device_of(device: wp.Device) -> torch.device:

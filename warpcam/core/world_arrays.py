@@ -34,11 +34,16 @@ class WorldArrays:
         ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ):
         self._where, self._num_worlds, self._device, self._ranges = where, num_worlds, device, ranges
-        self._names = tuple(arrays)
-        self.__dict__.update({name: torch_interop.to_torch(array) for name, array in arrays.items()})
+        self._arrays = dict(arrays)
+        if device.is_cuda:  # a capture, within which a process's first tensors may not be made, may begin at once
+            for name in arrays:
+                getattr(self, name)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
+        return iter(self._arrays)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._arrays]
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name.startswith("_"):
@@ -49,8 +54,10 @@ class WorldArrays:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
+        if name in self._arrays:  # not in __dict__ yet
+            return self.__dict__.setdefault(name, torch_interop.to_torch(self._arrays[name]))
         raise NoArrayError(
-            f"{self._where} has no array {name!r} of its own, it has {', '.join(self._names)}{self._instead(name)}"
+            f"{self._where} has no array {name!r} of its own, it has {', '.join(self._arrays)}{self._instead(name)}"
         )
 
     def __reduce__(self) -> Any:

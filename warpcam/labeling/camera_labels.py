@@ -1,8 +1,10 @@
 """Labels of one camera, as ``Labels.read`` returns them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
-from warpcam.core.torch_interop import Tensor
+from warpcam.core.torch_interop import torch
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,20 +49,20 @@ class CameraLabels:
             else were there. None without ``labels(masks=True)``.
     """
 
-    visible_boxes: Tensor
-    visible_pixels: Tensor
-    amodal_boxes: Tensor
-    amodal_pixels: Tensor
-    visibility: Tensor
-    truncated: Tensor
-    positions: Tensor
-    rotations: Tensor
-    box_centers: Tensor
-    half_extents: Tensor
-    corners: Tensor
-    centers: Tensor
-    depths: Tensor
-    keypoints: Tensor
-    keypoint_depths: Tensor
-    keypoint_visibility: Tensor
-    amodal_masks: Tensor | None = None
+    visible_boxes: torch.Tensor
+    visible_pixels: torch.Tensor
+    amodal_boxes: torch.Tensor
+    amodal_pixels: torch.Tensor
+    visibility: torch.Tensor
+    truncated: torch.Tensor
+    positions: torch.Tensor
+    rotations: torch.Tensor
+    box_centers: torch.Tensor
+    half_extents: torch.Tensor
+    corners: torch.Tensor
+    centers: torch.Tensor
+    depths: torch.Tensor
+    keypoints: torch.Tensor
+    keypoint_depths: torch.Tensor
+    keypoint_visibility: torch.Tensor
+    amodal_masks: torch.Tensor | None = None

@@ -1,5 +1,7 @@
 """Stages that label the images of one camera."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import Any
 

@@ -112,7 +112,7 @@ class CameraBinding:
             overrides.exposures, overrides.gains = arrays["exposure"], arrays["gain"]
         if "background" in arrays:
             overrides.backgrounds, overrides.skyboxes = arrays["background"], self._no_skybox
-            tables = replace(tables, has_skybox=False)
+            tables = replace(tables, has_skybox=False, shows_environment=False)
         return replace(tables, world_overrides=overrides)
 
     def bind(

@@ -1,5 +1,7 @@
 """Denoising of path-traced images by Intel Open Image Denoise, which need not be installed."""
 
+from __future__ import annotations
+
 from importlib import import_module
 from typing import Any
 
@@ -9,12 +11,14 @@ import warp as wp
 from warpcam.core import torch_interop
 from warpcam.core.color import srgb_to_linear
 from warpcam.core.errors import WarpcamError
-from warpcam.core.torch_interop import Tensor
+from warpcam.core.torch_interop import torch
 
 FLOAT, BYTE = "torch.float32", "torch.uint8"
 
 
-def denoise(hdr: Tensor, *, albedo: Tensor | None = None, normals: Tensor | None = None) -> Tensor:
+def denoise(
+    hdr: torch.Tensor, *, albedo: torch.Tensor | None = None, normals: torch.Tensor | None = None
+) -> torch.Tensor:
     """Return images of path-traced light with less noise: each world's by Open Image Denoise's filter "RT".
 
     The result is not unbiased: the filter guesses, and its errors do not fall as those of paths do. Images of what
@@ -82,5 +86,5 @@ def _check(name: str, image: Any, hdr: Any, dtypes: tuple[str, ...]) -> None:
         raise WarpcamError(f"denoise: {name} must have the shape and device of hdr, {_told(hdr)}; got {_told(image)}")
 
 
-def _told(image: Tensor) -> str:
+def _told(image: torch.Tensor) -> str:
     return f"{tuple(image.shape)} {image.dtype} on {image.device}"

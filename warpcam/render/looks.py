@@ -1,7 +1,7 @@
 """Looks of a scene: how its lit images are made."""
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, get_args
 from weakref import WeakSet
@@ -10,9 +10,12 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.core.errors import WarpcamError
+from warpcam.kernels.passes.world_overrides import without_background
+from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import Lights, Physical
+from warpcam.kernels.types import Background, Lights, Physical
 from warpcam.render.paths import PathOptions, check_whole
+from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
 from warpcam.scene.source import SceneDescription
 
@@ -38,9 +41,10 @@ class Look:
         name: One of ``LookName``; None is the scene's own.
         options: Of paths; only with "path".
         scene: The scene.
+        environments: ``Environments`` of it, or None.
     """
 
-    def __init__(self, name: Any, options: Any, scene: Scene):
+    def __init__(self, name: Any, options: Any, scene: Scene, environments: Any = None):
         own = "pbr" if scene.description().physical else "mujoco"
         if name is not None and name not in get_args(LookName):
             allowed = ", ".join(repr(each) for each in get_args(LookName))
@@ -64,9 +68,17 @@ class Look:
         if not self.traces_paths:
             _tell_of_transmission(self._parts)
         self._arrays: Mapping[str, wp.array] | None = None
+        self._environments = self._checked(environments, scene)
 
     def tables(self, tables: SceneTables) -> SceneTables:
         """The scene's tables as this look takes them."""
+        return self._lit_by_environments(self._physical(tables))
+
+    def stages(self) -> Sequence[Stage]:
+        """Stages at the head of a frame, before those that draw."""
+        return () if self._environments is None else (self._environments.stage(),)
+
+    def _physical(self, tables: SceneTables) -> SceneTables:
         if self.name == "mujoco" or tables.physical is not None or self._parts.as_physical is None:
             return tables
         if self._arrays is None:
@@ -84,6 +96,42 @@ class Look:
         if layers is not None:  # neither mirrors nor haze are of this look
             layers = replace(layers, mirrors=wp.empty(0, dtype=wp.int32, device=self._device), haze=None)
         return replace(tables, physical=physical, has_maps=self._parts.maps, layers=layers, horizon=0.0)
+
+    def _checked(self, environments: Any, scene: Scene) -> Environments | None:
+        if environments is None:
+            return None
+        if not isinstance(environments, Environments):
+            raise WarpcamError(f"Renderer: environments must be a warpcam.Environments or None, got {environments!r}")
+        if environments.scene() is not scene:
+            raise WarpcamError("Renderer: environments are of another scene; make some of this one")
+        if self.name == "mujoco" or self._has_splats:
+            why = "the scene has clouds of Gaussians" if self._has_splats else "the look is 'mujoco'"
+            raise WarpcamError(f"Renderer: environments light look='pbr' and look='path' of shapes, and {why}")
+        return environments
+
+    def _lit_by_environments(self, tables: SceneTables) -> SceneTables:
+        """The tables with images in float in place of the scene's own sky."""
+        if self._environments is None:
+            return tables
+        physical: Any = Physical()
+        physical.assign(tables.physical)
+        physical.environments, physical.sky = self._environments.tables(self.traces_paths)
+        if self._parts.unlit and not tables.headlights:
+            lights: Any = Lights()
+            lights.assign(tables.lights)
+            lights.headlight = wp.zeros(3, dtype=wp.vec3, device=self._device)
+            physical.plain, tables = lights, replace(tables, lights=lights)
+        background: Any = Background()
+        background.color, background.skybox = wp.vec3(0.0, 0.0, 0.0), -1
+        return replace(
+            tables,
+            physical=physical,
+            background=background,
+            has_skybox=False,
+            world_overrides=without_background(tables.world_overrides, self._device),
+            has_environment=True,
+            shows_environment=True,
+        )
 
     def paths(self, device: wp.Device) -> tuple[PathOptions, wp.array] | None:
         """Options of paths and int32, (1,): how many ``accumulate`` adds; None where no paths are traced."""

@@ -29,7 +29,9 @@ from warpcam.render.looks import Look, LookName
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
 from warpcam.render.paths import PathOptions
 from warpcam.render.recordings import Recording, Recordings
+from warpcam.render.rendered_tensors import Images, RenderedTensors
 from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cuts_in_waves
+from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
 
 # A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
@@ -39,10 +41,8 @@ CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
 TRAVERSED = {MESH, HEIGHT_FIELD}  # shapes that rays walk through
 
-Images = dict[str | int, dict[str, torch_interop.Tensor]]
 
-
-class Renderer:
+class Renderer(RenderedTensors):
     """Renders the cameras of a scene, all worlds at once.
 
     Building one allocates all memory and compiles all kernels; ``render`` does neither.
@@ -54,6 +54,7 @@ class Renderer:
         look: How ``rgb``, ``rgba`` and ``hdr`` are lit: "mujoco" as in MuJoCo's renderer; "pbr", physically based in
             real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
+        environments: Light from all around, from images in float; not with look="mujoco".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
@@ -80,6 +81,7 @@ class Renderer:
         graph: bool = True,
         look: LookName | None = None,
         path: PathOptions | None = None,
+        environments: Environments | None = None,
     ):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
@@ -87,7 +89,7 @@ class Renderer:
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
-        self._look = Look(look, path, scene)
+        self._look = Look(look, path, scene, environments)
         self.memory = estimate_memory(scene, cameras, look=look)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
@@ -105,20 +107,15 @@ class Renderer:
         self._scratch = Scratch(self._cameras, plans, scene.num_worlds, scene.device)
         self._scratch.allocate()
         self._faults = wp.zeros(scene.num_worlds, dtype=wp.uint8, device=scene.device)
-        self.faulty = torch_interop.to_torch(self._faults)
-        counters = self._counters = FrameCounters.of(scene.num_worlds, scene.device)
-        self.frames, self.times = map(torch_interop.to_torch, (counters.frames, counters.times))
-        self.images: Images = {
-            key: {name: torch_interop.to_torch(array) for name, array in target.images.items()}
-            for key, target in self._passes.items()
-        }
+        self._counters = FrameCounters.of(scene.num_worlds, scene.device)
+        images = {key: target.images for key, target in self._passes.items()}
+        super().__init__(images, self._faults, self._counters, scene.device)
         self._arrays = {
             key: CameraArrays(self._cameras[key].where, binding.arrays, scene.num_worlds, scene.device)
             for key, binding in self._bindings.items()
         }
         self._tables: SceneTables | None = None
-        self._is_checked = False  # the first frame's faults have been told
-        self._has_drawn = False
+        self._is_checked = self._has_drawn = False  # the first frame's faults have been told; there was a frame
         with building:
             self._bind(scene.tables())
 
@@ -133,16 +130,16 @@ class Renderer:
                 (world,) as a bool or uint8 tensor or Warp array. A mask on the scene's device costs no wait for the
                 device; a tensor of ids there does, to be checked, but for inside a capture, where ids out of range are
                 passed over. None is all.
-            forward: Have the simulator compute poses from its state first. After a step of MuJoCo poses are those
-                before it.
+            forward: Have the simulator compute poses first. After a step of MuJoCo poses are those before it.
 
         Returns:
             ``images``.
         """
-        return self.draw(worlds, forward, "render")
+        self.draw(worlds, forward, "render")
+        return self.images
 
-    def draw(self, worlds: Any, forward: bool, call: str) -> Images:
-        """Render for a sensor, whose ``call`` begins the texts of errors."""
+    def draw(self, worlds: Any, forward: bool, call: str) -> None:
+        """Render for a sensor or a command, whose ``call`` begins the texts of errors; makes no tensors."""
         if not isinstance(forward, bool | np.bool_):
             raise WarpcamError(f"{call}: forward must be True or False, got {forward!r}")
         with self.lock, memory_told(call), torch_interop.in_order(self._device) as capturing:
@@ -165,7 +162,6 @@ class Renderer:
                 self._is_checked = True
                 tell_faults(self._faults)
         self._has_drawn = True
-        return self.images
 
     def accumulate(self, samples: int) -> Images:
         """Add paths to each pixel of the last frame, in the worlds that it drew, and show the mean of all.
@@ -259,8 +255,7 @@ class Renderer:
 
     def _key(self, camera: str | int) -> str | int:
         if camera not in tuple(self._cameras):
-            known = ", ".join(repr(key) for key in self._cameras)
-            raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {known}")
+            raise WarpcamError(f"Renderer: camera {camera!r} came, it renders {', '.join(map(repr, self._cameras))}")
         return camera
 
     def _bind(self, scene_tables: SceneTables) -> None:
@@ -275,9 +270,9 @@ class Renderer:
                 self._shape_history.share_with(history.flow_history, tables, keep=number == len(self._histories) - 1)
 
         def record_views(frame_start: Any) -> Iterator[Stage]:
+            yield from self._look.stages()
             for key, binding in self._bindings.items():
-                target = self._passes[key]
-                yield from binding.bind(mask, faults, tables, target, frame_start)
+                yield from binding.bind(mask, faults, tables, self._passes[key], frame_start)
                 frame_start = None
 
         images = {key: target.images for key, target in self._passes.items()}

@@ -24,8 +24,9 @@ from warpcam.kernels.plan.frame import FramePlan
 
 # The block is at most half as large as the images, or this where they are small: a group must fill the device [bytes].
 ALWAYS_ALLOWED = 32 * 2**20
-# Where they are small and all worlds have room then, this: a last group of few worlds takes long for what it draws.
-FOR_ALL = 40 * 2**20
+# Where they are small and all worlds have room then, so many times that: a last group of few worlds takes long for what
+# it draws.
+FOR_ALL = 1.25
 ALIGNMENT = 256  # of a buffer [bytes]
 
 Name = TypeVar("Name", bound=Hashable)
@@ -269,8 +270,9 @@ class Scratch:
     def _room(self, key: str | int, half: int) -> int:
         """Bytes for all worlds of a camera, or for as many as the half of the images allows."""
         everything = self._bytes(key, self._num_worlds)
-        allowed = FOR_ALL if half <= ALWAYS_ALLOWED and everything <= FOR_ALL else max(half, ALWAYS_ALLOWED)
-        return min(everything, max(allowed, self._bytes(key, 1)))
+        if half <= ALWAYS_ALLOWED and everything <= FOR_ALL * ALWAYS_ALLOWED:
+            return everything
+        return min(everything, max(half, ALWAYS_ALLOWED, self._bytes(key, 1)))
 
     def _bytes(self, key: str | int, worlds: int) -> int:
         return sum(self._needed(key, worlds).values())

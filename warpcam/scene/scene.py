@@ -213,7 +213,7 @@ class Scene:
             raise WarpcamError(f"array: {field!r} came; this scene has {', '.join(self._arrays)}")
         return self._arrays[field]
 
-    def vary(self, name: str) -> torch_interop.Tensor:
+    def vary(self, name: str) -> "torch_interop.Tensor":
         """Give every world its own value of something: a tensor (world, ...) on the scene's device.
 
         Write it in place, at any time; the next render shows it. It begins with what the scene has now, and from then
@@ -289,8 +289,8 @@ class Scene:
         """The tables with a background of one colour instead of the scene's own, or as they are for None."""
         if color is None:
             return tables
-        variety = without_background(tables.world_overrides, self.device)
-        return replace(tables, background=self.background(color), has_skybox=False, world_overrides=variety)
+        plain, variety = self.background(color), without_background(tables.world_overrides, self.device)
+        return replace(tables, background=plain, has_skybox=False, shows_environment=False, world_overrides=variety)
 
     def _build(self, arrays: Mapping[str, wp.array], ambient: float) -> SceneTables:
         parts = self._parts

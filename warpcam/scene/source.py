@@ -72,6 +72,7 @@ class SceneDescription:
         coincident: With COINCIDENT among ``flags`` (shape,) int32: see ``kernels.types.Shapes``.
         scaled: Whether the sizes of meshes and height fields are scales along their axes.
         physical: Whether it is lit as metallic-roughness materials are, in linear light, instead of as MuJoCo does it.
+        unlit: Whether it has no lights, for which its headlight stands in.
         backs_shade: Whether in such a scene meshes that are seen from one side cast shadows from both.
         maps: In such a scene, whether some material has more than the texture of its colour.
         transmissive: In such a scene, names of the materials that let light through as glass does; only paths of light
@@ -113,6 +114,7 @@ class SceneDescription:
     coincident: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int32))
     scaled: bool = False
     physical: bool = False
+    unlit: bool = False
     backs_shade: bool = False
     maps: bool = False
     transmissive: Sequence[str] = ()

@@ -1,5 +1,7 @@
 """Arrays of one's own: what each world may have for itself, whatever the scene's simulator holds of it."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

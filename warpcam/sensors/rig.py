@@ -15,7 +15,8 @@ from warpcam.core.world_arrays import WorldArrays
 from warpcam.core.world_mask import Selection
 from warpcam.kernels.runtime.launch import Stage, bind_launch, prepare
 from warpcam.kernels.runtime.streams import nonblocking_stream
-from warpcam.render.renderer import Images, Renderer
+from warpcam.render.rendered_tensors import Images
+from warpcam.render.renderer import Renderer
 from warpcam.sensors.effect import Effect
 from warpcam.sensors.kernels import images as kernels
 from warpcam.sensors.kernels.random import ANY_WORLD, Randomness

@@ -1,13 +1,14 @@
 """Denoised images of ``warpcam render --denoise``."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import torch
 
 from warpcam.core.color import linear_to_srgb
 from warpcam.core.errors import WarpcamError
-from warpcam.core.torch_interop import Tensor
+from warpcam.core.torch_interop import torch
 from warpcam.render.denoise import denoise, open_image_denoise
 
 LIT = ("rgb", "rgba", "hdr")
@@ -25,7 +26,7 @@ def check(look: str | None, outputs: Sequence[str], tone_mapping: str) -> None:
     open_image_denoise()
 
 
-def denoised(images: Mapping[str, Tensor]) -> dict[str, Tensor]:
+def denoised(images: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Images of one camera, with those of light denoised; alpha stays as it is."""
     light = denoise(images["hdr"], albedo=images["albedo"], normals=images["normals"])
     shown = torch.from_numpy(np.rint(255.0 * linear_to_srgb(light.cpu().numpy())).astype(np.uint8))

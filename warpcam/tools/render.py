@@ -4,7 +4,7 @@ import argparse
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,6 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 import warpcam
 from warpcam import visualize
 from warpcam.camera.camera import ToneMapping
+from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
 from warpcam.render.looks import LookName
@@ -78,6 +79,12 @@ def add(command: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
+        "--environment",
+        type=Path,
+        metavar="FILE",
+        help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
+    )
+    command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
@@ -124,10 +131,11 @@ def run(options: argparse.Namespace) -> int:
             )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths)
-        look = renderer.render if model is None else _rig(renderer, cameras, model, options.seed).read
+        environments = None if options.environment is None else warpcam.Environments(scene, options.environment)
+        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths, environments=environments)
+        look, images = _drawing(renderer, cameras, model, options)
         progress.update(steps, description="first frame", advance=1)
-        images = look()
+        look()
         if still is not None and any(name.startswith("flow") for name in outputs):  # something has to move
             still.positions[:] = batch_file.moved(host, still.positions, seed=options.seed + 1)
             look(forward=True)
@@ -136,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
         for name, by_output in zip(_file_names(images), images.values(), strict=True):
             shown = denoised.denoised(by_output) if options.denoise else by_output
             for output in outputs:
-                saved.append(_save(options.out, name, output, shown[output].cpu().numpy()))
+                saved.append(_save(options.out, name, output, torch_interop.to_numpy(shown[output])))
                 progress.advance(steps)
         progress.update(steps, description="rendering")
         rate = _frames_per_second(look, len(cameras) * options.worlds, device)
@@ -174,10 +182,26 @@ def _sensor(name: str) -> Any:
     return CAMERA_MODELS[name]()
 
 
-def _rig(renderer: warpcam.Renderer, cameras: Iterable[warpcam.Camera], model: Any, seed: int) -> Any:
-    from warpcam.sensors import Rig
+def _drawing(
+    renderer: warpcam.Renderer, cameras: Sequence[warpcam.Camera], model: Any, options: argparse.Namespace
+) -> tuple[Callable[..., Any], Mapping[str | int, Mapping[str, Any]]]:
+    """What draws a frame, and where its images are: tensors, importing torch for seconds, where something needs them.
 
-    return Rig(renderer, {camera.name: model for camera in cameras}, seed=seed)
+    Args:
+        renderer: Of the cameras.
+        cameras: Their names are the keys of the images.
+        model: A sensor that measures what they see, or None.
+        options: Of the command.
+    """
+    if model is not None:
+        from warpcam.sensors import Rig
+
+        rig = Rig(renderer, {camera.name: model for camera in cameras}, seed=options.seed)
+        return rig.read, rig.images
+    if options.denoise:
+        return renderer.render, renderer.images
+    arrays = {camera.name: {name: renderer.array(camera.name, name) for name in camera.outputs} for camera in cameras}
+    return lambda forward=False: renderer.draw(None, forward, "render"), arrays
 
 
 def _device_name(device: wp.Device) -> str:

@@ -23,7 +23,7 @@ struct Scattering {
 
 // One path's scene and numbers, and the light at its surfaces that comes straight from lights.
 template <class Types, int FLAGS, class Scene_> struct PathLights {
-    static constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
+    static constexpr bool IMAGE = FLAGS & HAS_SKYBOX, ENVIRONMENT = FLAGS & HAS_ENVIRONMENT;
 
     const Scene_& scene;
     Camera camera, hub;
@@ -34,8 +34,15 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
 
     WARPCAM_DEVICE bool headlit() const { return headlight_shines(scene.physical.plain); }
     WARPCAM_DEVICE int num_lamps() const { return head[NUM_LAMPS] + headlit(); }
-    WARPCAM_DEVICE SkyCells sky_cells() const { return { scene.frame.sky_sums.data, scene.frame.sky_side }; }
-    WARPCAM_DEVICE int num_lights() const { return num_lamps() + head[NUM_EMITTERS] + (IMAGE && sky_cells().side > 0); }
+    // The sky's image as a light that is drawn.
+    WARPCAM_DEVICE auto sky_cells() const
+    {
+        if constexpr (ENVIRONMENT)
+            return environment_cells(scene.physical.environments, world);
+        else
+            return SkyCells { scene.frame.sky_sums.data, IMAGE ? scene.frame.sky_side : 0 };
+    }
+    WARPCAM_DEVICE int num_lights() const { return num_lamps() + head[NUM_EMITTERS] + sky_cells().shines(); }
 
     // A light, the headlight after all others.
     WARPCAM_DEVICE AreaLight lamp_at(int number) const
@@ -132,8 +139,13 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
     // Light from all around, with what lights give to it.
     WARPCAM_DEVICE Vec3 sky(Vec3 direction) const
     {
-        Vec3 light = path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world), world,
-                                     headlight_of<FLAGS>(world), direction);
+        Vec3 light;
+        if constexpr (ENVIRONMENT)
+            light = as_vec3(wp::index(scene.physical.plain.headlight, headlight_of<FLAGS>(world)))
+                    + environment_along(load_environment(scene.physical.environments, world), direction);
+        else
+            light = path_sky<IMAGE>(scene.physical, scene.textures, background_of<FLAGS>(scene, world), world,
+                                    headlight_of<FLAGS>(world), direction);
         for (int number = 0; number < head[NUM_LAMPS]; ++number)
             light = light + as_vec3(per_world(scene.physical.plain.ambient, world, head[FIRST_LAMP + number]));
         return light;
@@ -161,7 +173,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
     // The part of the sky's light along a drawn direction that is not drawn as a light's.
     WARPCAM_DEVICE float weight_of_sky(const Scattering& last, Vec3 direction) const
     {
-        if (!(IMAGE && sky_cells().side > 0 && last.density > 0.0f))
+        if (!(sky_cells().shines() && last.density > 0.0f))
             return 1.0f;
         return power_heuristic(last.density, sky_cells().density(direction) / float(num_lights()));
     }

@@ -1,6 +1,7 @@
 // Light from all around, as a path meets it that leaves the scene.
 #pragma once
 #include "shading/environment.h"
+#include "path/environment_cells.h"
 
 namespace warpcam {
 
@@ -29,6 +30,8 @@ WARPCAM_DEVICE Vec3 path_sky(const Physical& physical, const Textures& textures,
 struct SkyCells {
     const float* sums;  // (6 * side^2 + 1,) of their shares, from 0 to 1
     int side;           // 0: the sky is not drawn
+
+    WARPCAM_DEVICE bool shines() const { return side > 0; }
 
     // A direction in the world.
     WARPCAM_DEVICE Vec3 draw(float choice, float u, float v) const

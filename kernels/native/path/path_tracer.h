@@ -139,6 +139,8 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
     // What a pixel shows that sees nothing.
     template <int LENS> WARPCAM_DEVICE Vec3 background(int i, int j, const CameraPath& from) const
     {
+        if constexpr ((FLAGS & SHOWS_ENVIRONMENT) != 0)
+            return environment_along(load_environment(scene.physical.environments, world), from.ray.direction);
         const auto& behind = background_of<FLAGS>(scene, world);
         const auto color = [&](const auto& seen_by) {
             return srgb_to_linear(

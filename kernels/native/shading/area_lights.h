@@ -70,6 +70,7 @@ template <bool SHADOWS, class Physical> WARPCAM_DEVICE AreaLight load_area_light
 
 template <class Physical> WARPCAM_DEVICE void gather_sky(const Physical& physical, int world, int first, Sky& sky)
 {
+    sky.world = world;
     sky.uneven = 0;
     for (int term = 0; term < SKY_TERMS; ++term) {
         sky.terms[term] = as_vec3(per_world(physical.sky, world, term));

@@ -12,6 +12,7 @@ struct Sky {
     Vec3 terms[SKY_TERMS];
     Vec3 gain;    // of the sky's image, to its radiance
     int uneven;  // 1: there is more than the first term
+    int world;
 };
 
 // The sky through a lobe, whose width takes its part of the terms of first and second order.

@@ -2,6 +2,7 @@
 #pragma once
 #include "shading/pbr_material.h"
 #include "shading/area_lights.h"
+#include "shading/environment_map.h"
 
 namespace warpcam {
 
@@ -46,8 +47,15 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
     }
     const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
     const Vector even = around + sky_on(list.sky, up);
-    const Vector mirrored =
-        around + sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, inputs.bsdf.roughness);
+    const auto reflected_sky = [&] {
+        if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0) {
+            const Number alpha = inputs.bsdf.roughness * inputs.bsdf.roughness;
+            return lobe_of(load_environment(scene.physical.environments, list.sky.world), mirror, alpha);
+        } else {
+            return sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, inputs.bsdf.roughness);
+        }
+    };
+    const Vector mirrored = around + reflected_sky();
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
 

@@ -1,5 +1,5 @@
 // Physically based shading of eight hits of one shape, on a CPU: shading/pbr.h, shading/pbr_material.h, shading/ggx.h,
-// shading/area_lights.h, shading/environment.h and core/srgb.h, whose comments hold here.
+// shading/area_lights.h, shading/environment.h, shading/environment_map.h and core/srgb.h, whose comments hold here.
 #pragma once
 #include "shading/pbr.h"
 #include "shading/surface_simd.h"
@@ -27,6 +27,14 @@ template <class Textures> inline Vec3x8 sky_image(const Textures& textures, cons
     Vec3x8 read;
     sample_cubes(textures.texels.data, Levels(image, 6), direction, right, down, read);
     return read;
+}
+
+inline Vec3x8 lobe_of(const Environment& environment, const Vec3x8& direction, Float8 alpha)
+{
+    Vec3x8 light;
+    for (int k = 0; k < SIMD_WIDTH; ++k)
+        set_lane(light, k, lobe_of(environment, get_lane(direction, k), alpha[k]));
+    return light;
 }
 
 // `steps(right, down)` says how far it is to what the next pixels show.

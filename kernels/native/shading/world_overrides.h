@@ -2,6 +2,7 @@
 // scenes and cameras that ask for them have any.
 #pragma once
 #include "shading/appearance.h"
+#include "shading/environment_map.h"
 #include "shading/tone_mapping.h"
 
 namespace warpcam {
@@ -74,6 +75,21 @@ WARPCAM_DEVICE Vec3 background_color(const Textures& textures, const Background&
                            { down.x, down.z, -down.y });
     }
     return as_vec3(background.color);
+}
+
+// An environment where nothing is hit.
+template <int LENS>
+WARPCAM_DEVICE Vec3 environment_at(const Environment& environment, const Camera& camera, float x, float y)
+{
+    const CameraRay<LENS> ray { x, y };
+    const auto turned = [&](Vec3 v) { return transform(camera.rotation, v); };
+    const Vec3 direction = turned(ray.direction());
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        return environment_behind(environment, direction, turned(ray.across().direction), turned(ray.down().direction));
+    if constexpr (LENS == ORTHOGRAPHIC)
+        return environment_behind(environment, direction, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f });
+    return environment_behind(environment, direction, turned(step_right<LENS>(camera, x, y, 1.0f)),
+                              turned(step_down<LENS>(camera, x, y, 1.0f)));
 }
 
 // Index of the headlight's first colour.

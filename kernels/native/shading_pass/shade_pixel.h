@@ -123,6 +123,25 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
     }
 }
 
+// Shows what is behind everything.
+template <int LENS, int FLAGS, bool PBR, class List, class Scene_, class Camera_>
+WARPCAM_DEVICE void show_background(const List& lights, const Scene_& scene, const Camera_& camera, int world, float x,
+                                    float y, ShadedPixel& shown)
+{
+    const Vec3 black { 0.0f, 0.0f, 0.0f };
+    shown.linear = shown.display =
+        FLAGS & MIRROR_VIEW ? black
+                            : background_color<LENS, FLAGS>(scene.textures, background_of<FLAGS>(scene, world), camera,
+                                                            scene.frame.horizon, x, y);
+    if constexpr (PBR) {
+        shown.linear = srgb_to_linear(shown.linear);
+        if constexpr ((FLAGS & HAS_SKYBOX) != 0)
+            shown.linear = mul(lights.sky.gain, shown.linear);
+        if constexpr ((FLAGS & (HAS_SKYBOX | TONE_FLAGS)) != 0)
+            shown.display = display_color<FLAGS>(shown.linear);
+    }
+}
+
 // `shaded`: what the pixel shows, a ShadedPixel, where that is known.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_,
           class TransparentShapes_, class Camera_, class... Shaded_>
@@ -185,16 +204,11 @@ WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights,
             haze_sample = haze_of(scene, eye, world, ray);
         }
         if (!seen) {
-            shown.linear = shown.display =
-                FLAGS & MIRROR_VIEW ? black
-                                    : background_color<LENS, FLAGS>(scene.textures, background_of<FLAGS>(scene, world),
-                                                                    camera, frame.horizon, x, y);
-            if constexpr (Wants::PBR) {
-                shown.linear = srgb_to_linear(shown.linear);
-                if constexpr ((FLAGS & HAS_SKYBOX) != 0)
-                    shown.linear = mul(lights.sky.gain, shown.linear);
-                if constexpr ((FLAGS & (HAS_SKYBOX | TONE_FLAGS)) != 0)
-                    shown.display = display_color<FLAGS>(shown.linear);
+            if constexpr ((FLAGS & SHOWS_ENVIRONMENT) != 0) {
+                shown.linear = environment_at<LENS>(load_environment(scene.physical.environments, world), camera, x, y);
+                shown.display = display_color<FLAGS>(shown.linear);
+            } else {
+                show_background<LENS, FLAGS, Wants::PBR>(lights, scene, camera, world, x, y, shown);
             }
             expose<FLAGS>(scene, world, shown.linear, shown.display);
         }

@@ -241,6 +241,25 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
     }
 }
 
+// An environment along rays that `rows` finds.
+template <int LENS, class Rows>
+inline Vec3x8 environment_of(const Environment& environment, const Rows& rows, const short* pixels, int count)
+{
+    Float8 x, y;
+    OffsetRay8 rays, right, down;
+    rows.find(pixels, count, x, y);
+    rows.steps(pixels, count, x, y, right, down);
+    offset_rays_of<LENS>(x, y, rays);
+    Vec3x8 light;
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const auto turned = [&](const Vec3x8& v) { return transform(rows.camera.rotation, get_lane(v, k)); };
+        set_lane(
+            light, k,
+            environment_behind(environment, turned(rays.direction), turned(right.direction), turned(down.direction)));
+    }
+    return light;
+}
+
 // Writes the background.
 template <int LENS, int IMAGES, int FLAGS, class List, class Scene_, class Rows, class ShadedRows_>
 WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scene_& scene, const Rows& rows, int world,
@@ -282,9 +301,13 @@ WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scen
             if constexpr ((FLAGS & HAS_SKYBOX) != 0)
                 linear = mul(broadcast(lights.sky.gain), linear);
         }
+        if constexpr ((FLAGS & SHOWS_ENVIRONMENT) != 0)
+            linear =
+                environment_of<LENS>(load_environment(scene.physical.environments, world), rows, pixels + first, some);
         if (FLAGS & HAS_EXPOSURE)
             linear = display = mul(broadcast(gain), linear);
-        if constexpr ((FLAGS & PHYSICAL) != 0 && (FLAGS & (HAS_SKYBOX | HAS_EXPOSURE | TONE_FLAGS)) != 0)
+        if constexpr ((FLAGS & PHYSICAL) != 0
+                      && (FLAGS & (HAS_SKYBOX | SHOWS_ENVIRONMENT | HAS_EXPOSURE | TONE_FLAGS)) != 0)
             display = display_color<FLAGS>(linear);
         shaded.put_light(pixels + first, some, linear, display, 0u);
     }

@@ -11,6 +11,7 @@
 // depth is taken.
 #pragma once
 #include "splats/gaussian_cloud.h"
+#include "splats/harmonics.h"
 #include "core/srgb.h"
 
 namespace warpcam {
@@ -34,7 +35,8 @@ enum SplatOutput {
     SPLAT_LINEAR = 8192,  // hdr is light; else display values
     SPLAT_EXPOSED = 16384,
     SPLAT_SOLID = 32768,
-    SPLAT_OPAQUE = 65536  // see kernels/flags.py
+    SPLAT_OPAQUE = 65536,  // see kernels/flags.py
+    SPLAT_HARMONICS = 131072
 };
 constexpr int SPLAT_COLORS = SPLAT_RGB | SPLAT_RGBA | SPLAT_HDR | SPLAT_ALBEDO;
 
@@ -64,7 +66,11 @@ WARPCAM_DEVICE void blend(const Splats& splats, const Cloud& cloud, const Camera
     constexpr float ALPHAS = (WANTED & SPLAT_OPAQUE) != 0 ? 100.0f : 255.0f;
     const float end = max(-0.72134752f * cloud.reach, -log2(ALPHAS * opacity));
     const float alpha = min(opacity * pow(2.0f, end * far), 1.0f) * as_float(cloud.origin.w);
-    blend.color = blend.color + blend.light * alpha * as_vec3(look);
+    Vec3 color = as_vec3(look);
+    if constexpr ((WANTED & SPLAT_HARMONICS) != 0)
+        color =
+            harmonic_color(splats, unsigned(cloud.axis_z.w) + index, color, normalized(cloud.local(seen).direction));
+    blend.color = blend.color + blend.light * alpha * color;
     blend.light *= 1.0f - alpha;
     if (blend.median == NO_KEY && blend.light <= half)
         blend.median = key;
@@ -214,7 +220,7 @@ WARPCAM_DEVICE void draw_splat_pixel(const Scene& scene, const Cloud* clouds, in
     if (found.light == 1.0f)
         return;
     put_colors<WANTED>(scene.frame, scene.images, world, at, found);
-    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR | SPLAT_EXPOSED | SPLAT_OPAQUE)) == 0
+    if ((WANTED & ~(SPLAT_COLORS | SPLAT_BY_WORLD | SPLAT_LINEAR | SPLAT_EXPOSED | SPLAT_OPAQUE | SPLAT_HARMONICS)) == 0
         || found.median == NO_KEY)
         return;
     const unsigned name = unsigned(found.median);

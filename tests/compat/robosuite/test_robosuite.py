@@ -339,7 +339,7 @@ def test_every_task(installed: None, task: str) -> None:
         if task in OF_ALL_KINDS:
             by_its_own_context(sim, lambda theirs: compare_depths(theirs, mine), offsamples=0, **FINE)
     random = np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(6):
         observations = env.step(random.uniform(-1, 1, env.action_dim))[0]
         assert observations["agentview_image"].std() > 5.0 and observations["agentview_depth"].std() > 0.0
     assert (observations["agentview_image"] != first).any()

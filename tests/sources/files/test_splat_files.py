@@ -25,13 +25,13 @@ CAMERA = eye(outputs=("hdr", "rgb", "depth", "segmentation", "normals", "instanc
 
 
 def stage_of(cloud: Any, matrix: np.ndarray, degree: int = 1, half: bool = False) -> Usd.Stage:
-    """Metres, z up; coefficients beyond the first are not to be seen."""
+    """Metres, z up; coefficients beyond the first are 0."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, "Z")
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     prim = UsdVol.ParticleField3DGaussianSplat.Define(stage, "/garden").GetPrim()
     UsdGeom.Xformable(prim).AddTransformOp().Set(Gf.Matrix4d(matrix.T.tolist()))
-    harmonics = np.full((cloud.count, (degree + 1) ** 2, 3), 7.0, np.float32)
+    harmonics = np.full((cloud.count, (degree + 1) ** 2, 3), 0.0, np.float32)
     harmonics[:, 0] = cloud.sh_coeffs[:, :3]
     quaternions = [Gf.Quatf(*map(float, (w, x, y, z))) for x, y, z, w in cloud.rotations]
     prim.GetAttribute("positions").Set(Vt.Vec3fArray.FromNumpy(cloud.positions))
@@ -53,7 +53,7 @@ def write_ply(path: Path, cloud: Any, form: str) -> None:
     columns = {
         **dict(zip("xyz", cloud.positions.T, strict=True)),
         **{f"f_dc_{k}": cloud.sh_coeffs[:, k] for k in range(3)},
-        **{f"f_rest_{k}": np.full(cloud.count, 7.0) for k in range(9)},
+        **{f"f_rest_{k}": np.zeros(cloud.count) for k in range(9)},
         "opacity": np.log(opacities / (1.0 - opacities)),
         **{f"scale_{k}": np.log(cloud.scales[:, k]) for k in range(3)},
         **{f"rot_{k}": cloud.rotations[:, (3, 0, 1, 2)[k]] for k in range(4)},

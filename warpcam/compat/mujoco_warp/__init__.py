@@ -139,9 +139,8 @@ def refit_bvh(m: Any, d: Any, rc: RenderContext) -> None:
 
 
 def refit_splat_bvh(rc: RenderContext) -> None:
-    """Not offered: Gaussians are read when the context is made."""
-    _context(rc, "refit_splat_bvh")
-    raise WarpcamError("refit_splat_bvh: Gaussians are read when the context is made; make another context for others")
+    """Draw the Gaussians as the arrays ``rc.splat_position`` and so on have them now. It may be part of a capture."""
+    _context(rc, "refit_splat_bvh").refit_splats()
 
 
 def render(m: Any, d: Any, rc: RenderContext) -> None:

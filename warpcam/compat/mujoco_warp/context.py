@@ -13,11 +13,12 @@ from warpcam.compat.common import packing
 from warpcam.compat.common.scalars import whole
 from warpcam.compat.mujoco_warp.arguments import FIXED, View, has_skybox
 from warpcam.compat.mujoco_warp.ray_casts import MOST_RAYS, RayCasts, check_arrays, chosen_geoms
-from warpcam.compat.mujoco_warp.splats import read_splats
+from warpcam.compat.mujoco_warp.splats import gaussians_of, read_splats
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.runtime.streams import preserve_cuda_context
+from warpcam.kernels.update.refit_gaussians import bind_refit_gaussians
 from warpcam.scene.layers import check_tristate
 from warpcam.sources.mujoco.device import load
 from warpcam.sources.mujoco.model import NUM_GROUPS
@@ -42,6 +43,8 @@ class RenderContext:
         znear: Of the model [m]. Nothing is cut off before it.
         zfar: Of the model [m]; what lies there is seen, and nothing beyond it.
         splat_count: Gaussians of all groups.
+        splat_position: vec3 (splat,) [m]; what is written here is seen after ``refit_splat_bvh``, and likewise quat
+            ``splat_rotation``, whose numbers are w x y z, vec3 ``splat_scale`` and vec4 ``splat_rgba``.
         total_rays: Pixels of all cameras.
         views: The cameras on the host.
         starts: ``rgb_adr`` and so on, on the host: by "rgb", "depth", "segmentation".
@@ -80,6 +83,9 @@ class RenderContext:
             self.seg_adr, self.render_seg, seg = self._rows("segmentation")
             self.rgb_data = wp.zeros((num_worlds, rgb), dtype=wp.uint32)
             self.depth_data = wp.zeros((num_worlds, depth), dtype=wp.float32)
+            gaussians = self._gaussians = gaussians_of(self._splats)
+            self.splat_position, self.splat_rotation = gaussians.positions, gaussians.rotations.view(wp.quat)
+            self.splat_scale, self.splat_rgba = gaussians.scales, gaussians.colors
             self.seg_data = wp.full((num_worlds, max(seg, 1)), wp.vec2i(-1, -1), dtype=wp.vec2i)
         self._scenes: dict[tuple[int, int], _Bound] = {}
         self._ray_casts, self._excludes = RayCasts(self), dict[int, wp.array]()
@@ -103,6 +109,13 @@ class RenderContext:
         After this and until others come nothing is allocated or compiled.
         """
         self._bound(m, d)
+
+    def refit_splats(self) -> None:
+        """Draw Gaussians as ``splat_position`` and the others have them now, whichever Model and Data are rendered."""
+        with torch_interop.in_order(self.device):
+            for bound in self._scenes.values():
+                for stage in bound.refit:
+                    stage.launch()
 
     def cast_rays(
         self,
@@ -219,6 +232,11 @@ class _Bound:
                 f"device: d is on {scene.device.alias}, but the render context on {context.device.alias}, which was "
                 "Warp's current device when it was made; both must be on one"
             )
+        splats = scene.tables().splats
+        refit = bind_refit_gaussians(context._gaussians, splats, scene.device) if context._splats else []
+        self.refit = tuple(refit)
+        for stage in refit:
+            stage.launch()
         cameras, color = cameras_of(context.views, mjm, settings)
         self.renderer = wc.Renderer(scene, cameras) if cameras else None
         self._stages = self._pack(context, color, scene) if self.renderer is not None else []

@@ -1,13 +1,17 @@
 """Gaussians of ``create_render_context``, drawn as MuJoCo-Warp draws them."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
+import warp as wp
 
 import warpcam as wc
 from warpcam.compat.mujoco_warp.arguments import SPLATS, WHERE
 from warpcam.core.errors import WarpcamError
+from warpcam.core.torch_interop import to_numpy
+from warpcam.kernels.update.refit_gaussians import GaussianArrays
 
 ATTRIBUTES = {"splat_position": 3, "splat_rotation": 4, "splat_scale": 3, "splat_rgba": 4}  # numbers of a Gaussian
 
@@ -18,6 +22,24 @@ class ContextSplats(wc.Splats):
     least_response: ClassVar[float] = 1e-6
     least_alpha: ClassVar[float] = 0.01
     opaque: ClassVar[bool] = True
+    changes: ClassVar[bool] = True
+
+
+def gaussians_of(splats: Sequence[wc.Splats]) -> Any:
+    """The Gaussians as arrays of Warp's current device, ``GaussianArrays``, which a user may write."""
+    clouds = [cloud for each in splats for cloud in each.listed()]
+    arrays = GaussianArrays()
+    empty = {"positions": 3, "rotations": 4, "scales": 3, "colors": 3, "opacities": 1}
+    joined = {
+        name: np.concatenate([np.zeros((0, width)), *(np.reshape(cloud[name], (-1, width)) for cloud in clouds)])
+        for name, width in empty.items()
+    }
+    arrays.positions = wp.array(joined["positions"], dtype=wp.vec3)
+    arrays.rotations = wp.array(joined["rotations"], dtype=wp.vec4)
+    arrays.scales = wp.array(joined["scales"], dtype=wp.vec3)
+    arrays.colors = wp.array(np.concatenate((joined["colors"], joined["opacities"]), axis=1), dtype=wp.vec4)
+    arrays.least_alpha = ContextSplats.least_alpha
+    return arrays
 
 
 def read_splats(settings: dict[str, Any]) -> list[wc.Splats]:
@@ -67,10 +89,11 @@ def _array(name: str, value: Any, dtype: type, default: np.ndarray | None = None
     if value is None and default is not None:
         return default
     try:
-        array = np.asarray(value.numpy() if hasattr(value, "numpy") else value)
+        array = to_numpy(value)
         if array.dtype.kind not in ("iu" if dtype is np.int64 else "iuf"):
             raise TypeError
-        return array.astype(dtype)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+            return array.astype(dtype)
+    except (TypeError, ValueError, RuntimeError):
         needed = "whole numbers" if dtype is np.int64 else "numbers"
         raise WarpcamError(f"{WHERE}: {name} must be an array of {needed}, got {value!r}"[:300]) from None

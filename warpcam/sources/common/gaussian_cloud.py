@@ -15,6 +15,7 @@ from warpcam.sources.common.geometry import SAME, RenderShape, polar
 BASE = 0.28209479177387814  # the spherical harmonic of degree 0, 1 / (2 sqrt(pi))
 # Where Gaussians of files end, which say nothing of it: as in "3D Gaussian Ray Tracing", three standard deviations.
 MIN_RESPONSE = 0.0113
+REST_FIELDS = (0, 9, 24, 45)  # columns of coefficients beyond the first, by degree
 PLY_FIELDS = ("opacity", *(f"scale_{k}" for k in range(3)), *(f"rot_{k}" for k in range(4)))
 
 
@@ -47,13 +48,31 @@ def display_colors(harmonics: np.ndarray, linear: bool = False) -> np.ndarray:
     return colors.astype(np.float32)
 
 
+def colors_of(harmonics: np.ndarray, linear: bool = False) -> dict[str, Any]:
+    """The attributes of a ``GaussianCloud`` that are its colours.
+
+    Args:
+        harmonics: (gaussian, coefficient, 3), 1, 4, 9 or 16 coefficients by degree.
+        linear: Whether they give linear light.
+    """
+    if harmonics.shape[1] == 1:
+        return {"colors": display_colors(harmonics[:, 0], linear)}
+    constant = BASE * harmonics[:, 0].astype(np.float64) + 0.5
+    return {
+        "colors": constant.astype(np.float32),
+        "harmonics": harmonics[:, 1:].astype(np.float32),
+        "linear": linear,
+    }
+
+
 def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
     """The cloud in the vertices of a PLY file, as training of splats writes it; None if it is none.
 
     They are a structured array, or columns by name where the file is text. Scales are logarithms and opacities logits.
 
     Raises:
-        WarpcamError: A column of the cloud has something else than one number for each vertex.
+        WarpcamError: A column of the cloud has something else than one number for each vertex, or the number of the
+            colours' columns is that of no degree.
     """
     names = vertices if isinstance(vertices, dict) else getattr(vertices, "dtype", np.dtype(float)).names or ()
     if not all(field in names for field in (*PLY_FIELDS, "f_dc_0", "f_dc_1", "f_dc_2")):
@@ -66,6 +85,15 @@ def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
             listed = ", ".join(fields)
             raise WarpcamError(f"{name}: {listed} of its splats must be one number for each vertex") from None
 
+    rest = sum(str(field).startswith("f_rest_") for field in names)
+    if rest not in REST_FIELDS:
+        raise WarpcamError(
+            f"{name}: its splats have {rest} columns f_rest; allowed are 0, 9, 24 and 45: degrees 0 to 3"
+        )
+    harmonics = columns("f_dc_0", "f_dc_1", "f_dc_2")[:, None]
+    if rest:  # all of red, then all of green, then all of blue
+        more = columns(*(f"f_rest_{k}" for k in range(rest))).reshape(-1, 3, rest // 3)
+        harmonics = np.concatenate((harmonics, more.transpose(0, 2, 1)), axis=1)
     with np.errstate(over="ignore"):
         return GaussianCloud(
             name=name,
@@ -73,8 +101,8 @@ def cloud_of_ply(name: str, vertices: Any) -> GaussianCloud | None:
             rotations=columns(*PLY_FIELDS[4:]).astype(np.float32),
             scales=np.exp(columns(*PLY_FIELDS[1:4])).astype(np.float32),
             opacities=(1.0 / (1.0 + np.exp(-columns("opacity")[:, 0]))).astype(np.float32),
-            colors=display_colors(columns("f_dc_0", "f_dc_1", "f_dc_2")),
             least_response=MIN_RESPONSE,
+            **colors_of(harmonics),
         )
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from warpcam.accel.meshes import Mesh
 from warpcam.core.color import linear_to_srgb
 from warpcam.kernels import types
-from warpcam.sources.common.images import LINEAR
 from warpcam.sources.common.scene_graph import LightNode, Material
 
 UNSET = (0.5, 0.5, 0.5, 1.0)  # a material's colour: shapes carry their own, but for this one which is read from here
@@ -30,9 +29,6 @@ FORMS = {
 }
 # opacity from which a surface is seen; least of a cut-out: native/accel/alpha_test.h
 SEEN, MIN_CUT = 0.5 / 255.0, 1.5 / 255.0
-MIN_ROWS = 128  # that a dome's image is cut into
-# Spherical harmonics of order 2 as native/shading/environment.h has them: the squares of what norms each term.
-NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -133,37 +129,3 @@ def sky_rows(lamps: Sequence[LightNode], gain: float) -> np.ndarray:
 def even_sky(radiance: Sequence[float]) -> np.ndarray:
     """Terms of a sky that is alike all over, (SKY_TERMS, 3)."""
     return np.array([tuple(radiance), *[(0.0, 0.0, 0.0)] * (types.SKY_TERMS - 1)], np.float64)
-
-
-def sky_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """Terms of an image by longitude and latitude, (SKY_TERMS, 3).
-
-    Args:
-        pixels: (height, width, 3) uint8, sRGB-coded; its middle lies along +z, its top is +y, of the dome.
-        turn: (3, 3), rotation from the dome's axes to the world's.
-    """
-    height, width = pixels.shape[:2]
-    longitude = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
-    s, c = np.sin(longitude), np.cos(longitude)
-    waves = np.stack((np.ones(width), s, c, s * s, s * c, c * c)) * 2.0 * np.pi / width
-    rows = np.concatenate([waves @ LINEAR[pixels[row]][None] for row in range(height)])  # one at a time: they are large
-    parts = -(-MIN_ROWS // height)
-    rows = np.repeat(rows, parts, axis=0)
-    edges = np.linspace(0.5 * np.pi, -0.5 * np.pi, height * parts + 1)
-    middle = 0.5 * (edges[:-1] + edges[1:])
-    u, f = np.sin(middle)[:, None], np.cos(middle)[:, None]
-    one, x, z, xx, xz, zz = np.moveaxis(rows, 1, 0)
-    first = np.stack((f * x, u * one, f * z))
-    second = np.stack((f * f * xx, f * u * x, f * f * xz, f * u * x, u * u * one, f * u * z, f * f * xz, f * u * z,
-                       f * f * zz))  # fmt: skip
-    areas = np.sin(edges[:-1]) - np.sin(edges[1:])
-    total = np.einsum("h,hc->c", areas, one)
-    along = turn @ np.einsum("h,dhc->dc", areas, first)
-    across = np.einsum("ij,jkc,lk->ilc", turn, np.einsum("h,dhc->dc", areas, second).reshape(3, 3, -1), turn)
-    moments = np.stack(
-        (
-            total, *along, across[0, 1], across[1, 2], 3.0 * across[2, 2] - total, across[0, 2],
-            across[0, 0] - across[1, 1],
-        )
-    )  # fmt: skip
-    return NORMS[:, None] * moments

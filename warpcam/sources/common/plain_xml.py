@@ -35,5 +35,7 @@ def check(data: bytes, path: Path) -> None:
     parser.EntityDeclHandler = declared
     try:
         parser.Parse(data, True)
+    except RefusedError:  # a ValueError, too
+        raise
     except (LookupError, ValueError) as error:  # an encoding that Python does not have, or its parser does not read
         raise expat.ExpatError(str(error)) from None

@@ -98,6 +98,7 @@ class SceneGraphSource:
             shape_instances=np.array([graph.nodes[item.node].instance for item in self.items], np.int32),
             shape_semantics=np.array([self._label(item.node) for item in self.items], np.int32),
             physical=True,
+            unlit=not graph.lights,
             maps=any(index >= 0 for look in graph.materials for index in look.maps),
             transmissive=tuple(dict.fromkeys(look.name for look in graph.materials if look.transmission > 0.0)),
             layers=transparent_layers(

@@ -10,11 +10,12 @@ import numpy as np
 from warpcam.accel.gaussians import MIN_ALPHA, GaussianCloud
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess, Limits
+from warpcam.core.torch_interop import require_wxyz, to_numpy
 from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE
 from warpcam.sources.common.splat_files import read_cloud_file
 
 REQUIRED = ("positions", "scales", "colors")
-OPTIONAL = ("rotations", "opacities")
+OPTIONAL = ("rotations", "opacities", "harmonics")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,8 @@ class Splats:
         clouds: One or a sequence of: the path of a .ply file as training of splats writes it; or a mapping with arrays
             of Gaussians: ``positions`` (n, 3), centres [m]; ``scales`` (n, 3), standard deviations along the axes [m];
             ``colors`` (n, 3), display colours; ``rotations`` (n, 4), quaternions w x y z, without them none is rotated;
-            ``opacities`` (n,) in [0, 1], without them 1.
+            ``opacities`` (n,) in [0, 1], without them 1; ``harmonics`` (n, 3, 8 or 15, 3), coefficients of spherical
+            harmonics of degrees 1, 2 and 3, which add to ``colors`` by the direction of the ray in the clouds' frame.
         body: Name or index of the body that the clouds move with; None is the world.
         position: (3,) of the clouds' origin in the body's frame [m].
         rotation: (4,) quaternion w x y z from the clouds' frame to the body's.
@@ -49,6 +51,7 @@ class Splats:
     least_response: ClassVar[float] = MIN_RESPONSE
     least_alpha: ClassVar[float] = MIN_ALPHA
     opaque: ClassVar[bool] = False  # see SceneDescription.opaque_splats
+    changes: ClassVar[bool] = False  # see GaussianCloud
 
     def __post_init__(self) -> None:
         for cloud in self.listed():
@@ -60,6 +63,7 @@ class Splats:
         if not self.listed():
             raise WarpcamError("Splats: clouds is empty; at least one is needed")
         _numbers("position", self.position, (3,))
+        require_wxyz(self.rotation, "Splats: rotation")
         if not np.linalg.norm(_numbers("rotation", self.rotation, (4,))) > 0.0:
             raise WarpcamError(f"Splats: rotation must be a quaternion of any length but 0, got {self.rotation!r}")
         if not (self.scales() > 0.0).all():
@@ -69,12 +73,8 @@ class Splats:
 
     def listed(self) -> list[Any]:
         """The clouds as a list."""
-        if isinstance(self.clouds, str | Path | Mapping):
-            return [self.clouds]
-        try:
-            return list(self.clouds)
-        except TypeError:
-            return [self.clouds]
+        several = isinstance(self.clouds, Sequence) and not isinstance(self.clouds, str)
+        return list(self.clouds) if several else [self.clouds]
 
     def scales(self) -> np.ndarray:
         """Factors along the clouds' axes, (3,)."""
@@ -83,8 +83,8 @@ class Splats:
     def choices(self, num_worlds: int) -> np.ndarray:
         """Cloud that each world begins with, (world,) int32."""
         try:
-            values = np.asarray(0 if self.choice is None else _on_host(self.choice))
-        except (TypeError, ValueError):
+            values = to_numpy(0 if self.choice is None else self.choice)
+        except (TypeError, ValueError, RuntimeError):
             values = np.zeros(0)
         if values.dtype.kind not in "iu" or values.shape not in ((), (num_worlds,)):
             came = f"{values.dtype} {values.shape}" if values.size else repr(self.choice)
@@ -110,7 +110,18 @@ class Splats:
 
     def _cloud_of(self, name: str, arrays: Mapping[str, Any]) -> GaussianCloud:
         read = _arrays_of(name, arrays)
-        return GaussianCloud(name=name, least_response=self.least_response, least_alpha=self.least_alpha, **read)
+        return GaussianCloud(
+            name=name,
+            positions=read["positions"],
+            rotations=read["rotations"],
+            scales=read["scales"],
+            opacities=read["opacities"],
+            colors=read["colors"],
+            least_response=self.least_response,
+            least_alpha=self.least_alpha,
+            harmonics=read.get("harmonics"),
+            changes=self.changes,
+        )
 
 
 def check_splats(splats: Any) -> list[Splats]:
@@ -124,13 +135,6 @@ def check_splats(splats: Any) -> list[Splats]:
     return listed
 
 
-def _on_host(values: Any) -> Any:
-    """Arrays of Warp and torch as those of numpy."""
-    if hasattr(values, "detach"):
-        values = values.detach().cpu()
-    return values.numpy() if hasattr(values, "numpy") else values
-
-
 def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """The arrays of a cloud, float32, with those that were left out."""
     unknown = [key for key in arrays if key not in (*REQUIRED, *OPTIONAL)]
@@ -140,8 +144,12 @@ def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
             f"splats '{name}': {', '.join(map(repr, unknown or missing))} {'came' if unknown else 'is missing'}; "
             f"needed are {', '.join(REQUIRED)}, allowed beside them {', '.join(OPTIONAL)}"
         )
+    if "rotations" in arrays:
+        require_wxyz(arrays["rotations"], f"splats '{name}': rotations")
     read = {key: _floats(name, key, values) for key, values in arrays.items()}
-    count = len(read["positions"]) if read["positions"].ndim else 0
+    if not read["positions"].ndim:
+        raise WarpcamError(f"splats '{name}': positions must have shape (n, 3), got ()")
+    count = len(read["positions"])
     read.setdefault("rotations", np.tile(np.array((1.0, 0.0, 0.0, 0.0), np.float32), (count, 1)))
     read.setdefault("opacities", np.ones(count, np.float32))
     opacities = read["opacities"]
@@ -154,15 +162,17 @@ def _arrays_of(name: str, arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 def _floats(name: str, key: str, values: Any) -> np.ndarray:
     try:
-        return np.asarray(_on_host(values), np.float32)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):  # what float32 cannot hold is not finite
+            return np.array(to_numpy(values), np.float32)
+    except (TypeError, ValueError, RuntimeError):
         raise WarpcamError(f"splats '{name}': {key} must be an array of numbers, got {type(values).__name__}") from None
 
 
 def _numbers(name: str, value: Any, *shapes: tuple[int, ...]) -> np.ndarray:
     try:
-        numbers = np.asarray(value, np.float64)
-    except (TypeError, ValueError):
+        with np.errstate(over="ignore"):
+            numbers = to_numpy(value).astype(np.float32)
+    except (TypeError, ValueError, RuntimeError):
         numbers = np.full(0, np.nan)
     if numbers.shape not in shapes or not np.isfinite(numbers).all():
         allowed = " or ".join(f"{shape[0]} finite numbers" if shape else "a finite number" for shape in shapes)

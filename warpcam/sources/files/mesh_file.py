@@ -195,7 +195,8 @@ class _Reader:
 
     def _geometry(self, name: str, mesh: Any) -> tuple[Geometry, int, Any] | None:
         raw = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-        cloud = cloud_of_ply(name, raw) if isinstance(mesh, trimesh.PointCloud) else None
+        is_cloud = isinstance(mesh, trimesh.PointCloud)
+        cloud = cloud_of_ply(f"{self._graph.source}: {name}", raw) if is_cloud else None
         if cloud is not None:
             return CloudGeometry(cloud), -1, None
         if not isinstance(mesh, trimesh.Trimesh):

@@ -9,8 +9,8 @@ import warp as wp
 
 from warpcam.core.color import srgb_to_linear
 from warpcam.kernels.types import FORM_POINT, ROLE_EMISSION, ROLE_NORMAL, ROLE_OPACITY, ROLE_PACKED, SKY_TERMS
-from warpcam.sources.common.materials import NORMS
 from warpcam.textures.pack import TextureImage
+from warpcam.textures.panorama import NORMS
 
 MAPPED = (ROLE_NORMAL, ROLE_OPACITY, ROLE_EMISSION, ROLE_PACKED)  # roles of textures that are read beside the colour's
 UNREAD = {2: "occlusion", 3: "roughness", 4: "metallic", 6: "opacity"}  # roles; a packed map has the first three

@@ -9,7 +9,10 @@ from warpcam.sources.common.gaussian_cloud import display_colors
 
 
 def read_cloud(source: newton.Gaussian, label: str) -> GaussianCloud:
-    """Read a cloud of Gaussians as Newton's own renderers draw it: colours of degree 0, the same from all sides."""
+    """Read a cloud of Gaussians as Newton's own renderers draw it: colours of degree 0, the same from all sides.
+
+    In which order ``sh_coeffs`` has the others is not defined: it differs between what Newton reads from PLY and USD.
+    """
     harmonics = source.sh_coeffs
     if harmonics is None or harmonics.shape[1] < 3:
         raise WarpcamError(f"model: the splats of shape '{label}': sh_coeffs must have 3 columns or more")

@@ -4,7 +4,7 @@ import numpy as np
 from pxr import Usd
 
 from warpcam.accel.gaussians import GaussianCloud
-from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE, CloudGeometry, display_colors
+from warpcam.sources.common.gaussian_cloud import MIN_RESPONSE, CloudGeometry, colors_of
 from warpcam.sources.usd.attributes import AttributeReader
 
 KIND = "ParticleField3DGaussianSplat"
@@ -33,14 +33,15 @@ def read_splats(prim: Usd.Prim, time: Usd.TimeCode, attributes: AttributeReader)
     if any(len(array) != count for array in (rotations, scales, opacities)) or len(harmonics) % count:
         return None
     spaces = [prim.GetAttribute(name).GetColorSpace() for name in (HARMONICS, f"{HARMONICS}h")]
+    kept = max(coefficients for coefficients in (1, 4, 9, 16) if coefficients <= len(harmonics) // count)
     cloud = GaussianCloud(
         name=str(prim.GetPath()),
         positions=positions.astype(np.float32),
         rotations=rotations[:, [3, 0, 1, 2]].astype(np.float32),
         scales=scales.astype(np.float32),
         opacities=opacities.astype(np.float32),
-        colors=display_colors(harmonics[:: len(harmonics) // count], any(s.startswith("lin_") for s in spaces if s)),
         least_response=MIN_RESPONSE,
+        **colors_of(harmonics.reshape(count, -1, 3)[:, :kept], any(s.startswith("lin_") for s in spaces if s)),
     )
     return CloudGeometry(cloud)
 

@@ -7,7 +7,6 @@ from pxr import Ar, Sdf
 
 from warpcam.core.color import linear_to_srgb
 from warpcam.core.file_access import FileAccess
-from warpcam.sources.common import materials
 from warpcam.sources.common.images import (
     ENCODED,
     LINEAR,
@@ -21,6 +20,7 @@ from warpcam.sources.common.scene_graph import SceneGraph
 from warpcam.sources.common.warnings import WarningCollector
 from warpcam.sources.usd.texture import CHANNELS, TextureInput, file_bytes, identity
 from warpcam.textures.pack import TextureImage
+from warpcam.textures.panorama import sky_of_panorama
 
 
 class TextureImages:
@@ -42,7 +42,7 @@ class TextureImages:
         key = (asset.resolvedPath or asset.path, turn.tobytes())
         if key not in self._skies:
             pixels = self.load(asset, "", where)
-            self._skies[key] = None if pixels is None else materials.sky_of_panorama(_rgb(pixels), turn)
+            self._skies[key] = None if pixels is None else sky_of_panorama(_rgb(pixels), turn)
         return self._skies[key]
 
     def add_skybox(self, asset: Sdf.AssetPath | None, where: str, turn: np.ndarray) -> None:
