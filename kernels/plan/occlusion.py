@@ -58,9 +58,7 @@ class OcclusionFilterKey:
 def shares_of(tables: SceneTables, request: ImageRequest) -> ShadingFlag:
     """What the rays of a request find."""
     soft = request.soft_shadows and request.shadows and tables.num_lights > 0
-    return flag_if(ShadingFlag.SOFT_SHADOWS, soft) | flag_if(
-        ShadingFlag.AMBIENT_OCCLUSION, request.ambient_occlusion
-    )
+    return flag_if(ShadingFlag.SOFT_SHADOWS, soft) | flag_if(ShadingFlag.AMBIENT_OCCLUSION, request.ambient_occlusion)
 
 
 def num_shares(tables: SceneTables, shares: ShadingFlag) -> int:

@@ -82,7 +82,8 @@ template <class Types, class Frame, class Meshes, class HeightFields> struct Occ
     // Of a light, along the world's axes.
     WARPCAM_DEVICE unsigned char share_of(const AreaLight& lamp) const
     {
-        const bool sharp = is_distant(lamp) ? !(lamp.size.x > SMALLEST_SUN) : lamp.across.w == FORM_POINT;
+        const float smallest = is_distant(lamp) ? SMALLEST_SUN : 0.0f;
+        const bool sharp = !(lamp.size.x > smallest);
         float all = 0.0f, arriving = 0.0f;
 #pragma unroll 1
         for (int ray = 0; ray < (sharp ? 1 : OCCLUSION_RAYS); ++ray) {
