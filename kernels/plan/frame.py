@@ -115,11 +115,6 @@ class FramePlan:
             yield from ((FINE + name, dtype, size) for name, dtype in LIT_PIXELS.items() if name in drawn)
 
     @property
-    def traces_occlusion(self) -> bool:
-        """Rays tell how much light reaches what pixels show."""
-        return any(name == f"{BUFFER}visible" for name, _ in (*self.buffers, *(self.fine.buffers if self.fine else ())))
-
-    @property
     def keys(self) -> tuple[KernelKey, ...]:
         """Kernels of the frame that have variants, each once, in the order of launches."""
         found = [*(self.fine.keys if self.fine else ()), self.lists, *(each.key for each in self.passes)]

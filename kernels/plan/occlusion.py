@@ -1,5 +1,6 @@
 """Kernels of the rays that tell how much light reaches a surface: from all around, and from lights of a size."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +67,11 @@ def num_shares(tables: SceneTables, shares: ShadingFlag) -> int:
     lights = min(tables.num_lights, NUM_LIGHTS[-1])
     rounded = next(count for count in NUM_LIGHTS if count >= lights) if shares & ShadingFlag.SOFT_SHADOWS else 0
     return rounded + bool(shares & ShadingFlag.AMBIENT_OCCLUSION)
+
+
+def traces_occlusion(keys: Iterable[Any]) -> bool:
+    """Return whether kernels of a frame trace rays that tell how much light reaches a pixel."""
+    return any(isinstance(key, OcclusionKey) for key in keys)
 
 
 def pixel_bytes(count: int) -> Any:

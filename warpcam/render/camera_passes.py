@@ -14,6 +14,7 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.paths import bind_more
 from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
@@ -145,7 +146,7 @@ class CameraPasses:
         self._paths = None
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
-        self._occlusion = make_occlusion(tables, occlusion.radius, device) if plan.traces_occlusion else None
+        self._occlusion = make_occlusion(tables, occlusion.radius, device) if traces_occlusion(plan.keys) else None
         listed = plan.lists is not None
         self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
 

@@ -11,6 +11,7 @@ from warpcam.core.device import free_bytes
 from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.plan.frame import plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
 from warpcam.render.camera_passes import check_size, request_of
@@ -104,7 +105,7 @@ def estimate_memory(
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene) for one in by_key.values())
         + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
-        + sum(occlusion_bytes(tables) for plan in plans.values() if plan.traces_occlusion)
+        + sum(occlusion_bytes(tables) for plan in plans.values() if traces_occlusion(plan.keys))
         + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )

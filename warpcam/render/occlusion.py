@@ -26,6 +26,11 @@ class Occlusion:
     radius: float | None = None
     soft: bool = False
 
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of a renderer that ask for these."""
+        return {"ambient_occlusion": self.radius, "soft_shadows": self.soft}
+
     @classmethod
     def of(
         cls, ambient_occlusion: Any, soft_shadows: Any, look: str, has_splats: bool, cameras: Iterable[Camera]

@@ -56,9 +56,8 @@ class Renderer(RenderedTensors):
         path: How paths are traced; only with look="path".
         environments: Light from all around, from images in float; not with look="mujoco".
         ambient_occlusion: Radius within which shapes hide light from all around [m], above 0, may be infinite; None:
-            they hide none. Only with look="pbr".
-        soft_shadows: Cameras with shadows show those of lights as large as they are, in place of sharp ones. Only with
-            look="pbr".
+            they hide none. Only with look="pbr", as ``soft_shadows``.
+        soft_shadows: Cameras with shadows show those of lights as large as they are, in place of sharp ones.
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
@@ -97,9 +96,7 @@ class Renderer(RenderedTensors):
         self._scene, self._device = scene, scene.device
         self._look = Look(look, path, scene, environments)
         occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, self._cameras.values())
-        self.memory = estimate_memory(
-            scene, cameras, look=look, ambient_occlusion=ambient_occlusion, soft_shadows=soft_shadows
-        )
+        self.memory = estimate_memory(scene, cameras, look=look, **occlusion.arguments)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())
