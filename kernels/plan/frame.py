@@ -353,13 +353,12 @@ class _Planner:
 
     def _occlusion(self, seen: Arrays) -> list[PlannedPass[Any]]:
         """Passes that find what share of light reaches the surface of each pixel."""
-        tables, request, device = self.tables, self.request, self.device
-        pixels, rays = request.width * request.height, (*seen, ("rays", f"{BUFFER}rays"))
-        key, means = occlusion.plan_rays(tables, request, device), occlusion.plan_filter(tables, request)
+        keys = occlusion.plan_occlusion(self.tables, self.request, self.device)
+        pixels, rays = self.request.width * self.request.height, (*seen, ("rays", f"{BUFFER}rays"))
         return [
-            PlannedPass("occluders", occlusion.plan_occluders(tables, device), occlusion.LIST_THREADS),
-            PlannedPass("occlusion rays", key, pixels, rays),
-            PlannedPass("occlusion filter", means, pixels, (*rays, ("visible", f"{BUFFER}visible"))),
+            PlannedPass("occluders", keys[0], occlusion.LIST_THREADS),
+            PlannedPass("occlusion rays", keys[1], pixels, rays),
+            PlannedPass("occlusion filter", keys[2], pixels, (*rays, ("visible", f"{BUFFER}visible"))),
         ]
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:

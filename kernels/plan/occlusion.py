@@ -79,15 +79,10 @@ def pixel_bytes(count: int) -> Any:
     return wp.types.vector(length=count, dtype=wp.uint8)
 
 
-def plan_occluders(tables: SceneTables, device: wp.Device) -> OccluderKey:
-    return OccluderKey(launches.scene_types(tables, device))
-
-
-def plan_rays(tables: SceneTables, request: ImageRequest, device: wp.Device) -> OcclusionKey:
-    shares = shares_of(tables, request)
-    types = launches.scene_types(tables, device)
-    return OcclusionKey(types, LENSES[request.lens], shares, num_shares(tables, shares))
-
-
-def plan_filter(tables: SceneTables, request: ImageRequest) -> OcclusionFilterKey:
-    return OcclusionFilterKey(LENSES[request.lens], num_shares(tables, shares_of(tables, request)))
+def plan_occlusion(
+    tables: SceneTables, request: ImageRequest, device: wp.Device
+) -> tuple[OccluderKey, OcclusionKey, OcclusionFilterKey]:
+    """The kernels of a request: of the list of shapes, of the rays, and of their filter."""
+    types, lens, shares = launches.scene_types(tables, device), LENSES[request.lens], shares_of(tables, request)
+    count = num_shares(tables, shares)
+    return OccluderKey(types), OcclusionKey(types, lens, shares, count), OcclusionFilterKey(lens, count)

@@ -55,9 +55,8 @@ class Renderer(RenderedTensors):
             real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
         environments: Light from all around, from images in float; not with look="mujoco".
-        ambient_occlusion: Radius within which shapes hide light from all around [m], above 0, may be infinite; None:
-            they hide none. Only with look="pbr", as ``soft_shadows``.
-        soft_shadows: Cameras with shadows show those of lights as large as they are, in place of sharp ones.
+        ambient_occlusion: Radius, above 0, within which shapes hide light from all around [m]; only with look="pbr".
+        soft_shadows: Cameras with shadows show those of lights as large as they are; only with look="pbr".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
