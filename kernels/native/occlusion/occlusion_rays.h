@@ -137,13 +137,9 @@ WARPCAM_DEVICE void trace_occlusion(const Frame& frame, const Shapes& shapes, co
     const int shape = frame.shape.data[index], type = wp::index(shapes.types, shape);
     const OcclusionPoint from = occlusion_point<Types, LENS>(frame, shapes, meshes, fields, camera, world, index,
                                                              view_ray<LENS>(camera, column, row));
-    const OcclusionRays<Types, Frame, Meshes, HeightFields> rays { frame,
-                                                                   meshes,
-                                                                   fields,
-                                                                   from,
-                                                                   RayPattern(column, row),
-                                                                   world,
-                                                                   type == MESH || type == HEIGHT_FIELD ? -1 : shape };
+    const OcclusionRays<Types, Frame, Meshes, HeightFields> rays {
+        frame, meshes, fields, from, RayPattern(column, row), world, type == MESH || type == HEIGHT_FIELD ? -1 : shape
+    };
     unsigned char* bytes = reinterpret_cast<unsigned char*>(frame.rays.data + index);
     put_normal(bytes, transform_transposed(camera.rotation, from.normal));
     bytes += NORMAL_BYTES;

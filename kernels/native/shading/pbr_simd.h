@@ -94,8 +94,7 @@ WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look,
     PbrInputs<Vec3x8> inputs;
     pbr_inputs8_at<Types, (FLAGS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
                                                    normal, inputs);
-    light = physical_light<FLAGS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye,
-                                  visibility);
+    light = physical_light<FLAGS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, visibility);
 }
 
 }  // namespace warpcam
