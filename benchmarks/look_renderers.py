@@ -1,7 +1,7 @@
-"""Renderers of ``look_speed``: looks of warpcam, tiers of mujoco_warp_pbr, and Mitsuba 3, each set up for one problem."""
+"""Renderers of ``look_speed`` for one problem: looks of warpcam, tiers of mujoco_warp_pbr, and Mitsuba 3."""
 
 import warnings
-from typing import Any
+from typing import Any, Literal
 
 import mujoco_warp as mjw
 import numpy as np
@@ -20,7 +20,7 @@ class Warpcam:
 
     on_host = False
 
-    def __init__(self, problem: Problem, look: wc.Look, samples: int) -> None:
+    def __init__(self, problem: Problem, look: Literal["pbr", "path"], samples: int) -> None:
         scene = wc.from_mujoco_warp(problem.mjm, problem.m, problem.d, draw=("geoms",))
         real_time: dict[str, Any] = {"shadows": True} if look == "pbr" else {}
         self.name = problem.cameras[0]

@@ -46,7 +46,8 @@ def load(problem: Problem, samples: int, depth: int) -> Loaded:
     parts: dict[str, Any] = {f"geom{k}": shape(mi, problem, k) for k in problem.drawn_geoms()}
     for k in range(mjm.nlight):
         parts[f"light{k}"] = light(problem, k)
-    parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(skybox(mjm)), "to_world": mi.ScalarTransform4f().rotate([1, 0, 0], 90)}  # fmt: skip
+    upright = mi.ScalarTransform4f().rotate([1, 0, 0], 90)
+    parts["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(skybox(mjm)), "to_world": upright}
     integrator = {"type": "path", "max_depth": depth + 1, "rr_depth": depth}  # Mitsuba counts the lights, too
     scene = mi.load_dict({"type": "scene", "integrator": integrator, "sensor": sensor(mi, problem), **parts})
     return Loaded(mi, scene, samples)
