@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from warpcam.benchmarks.cases import Case
-from warpcam.benchmarks.pbr_meshes import Color, add_material, add_surface, revolved, superquadric
+from warpcam.benchmarks.pbr_meshes import SIZE, Color, add_material, add_surface, add_texture, revolved, superquadric
 from warpcam.benchmarks.scenes import GEOM, Point, look_at
 
 STEEL, DARK, IVORY, WOOD = (0.72, 0.73, 0.75), (0.08, 0.08, 0.09), (0.87, 0.82, 0.7), (0.35, 0.2, 0.1)
@@ -33,13 +33,17 @@ LEG = 0.25  # of the robot, each half [m]
 def studio(lights: tuple[tuple[Point, Color], ...] = SUNS) -> mujoco.MjSpec:
     """A sky, a floor and lights from far away."""
     spec = mujoco.MjSpec()
+    spec.compiler.degree = False
     head = spec.visual.headlight
     head.ambient = head.diffuse = head.specular = (0.0, 0.0, 0.0)
     spec.visual.quality.shadowsize = 4096
     sky, gradient = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
     up, down = (0.45, 0.6, 0.85), (0.6, 0.57, 0.52)
     spec.add_texture(name="sky", type=sky, builtin=gradient, rgb1=up, rgb2=down, width=128, height=768)
-    spec.add_material(name="floor", rgba=(0.5, 0.5, 0.48, 1.0), specular=0.5, roughness=0.6, metallic=0.0)
+    # The floor's colour is a texture: mujoco_warp_pbr takes the numbers of `rgba` as linear, warpcam as sRGB.
+    add_texture(spec, "floor", np.full((SIZE, SIZE, 3), 0.5))
+    floor = spec.add_material(name="floor", rgba=(1, 1, 1, 1), specular=0.5, roughness=0.6, metallic=0.0)
+    floor.textures[int(mujoco.mjtTextureRole.mjTEXROLE_RGB)] = "floor"
     spec.worldbody.add_geom(type=GEOM.mjGEOM_PLANE, size=(20.0, 20.0, 1.0), material="floor")
     sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     for direction, color in lights:
@@ -88,7 +92,7 @@ def chess() -> mujoco.MjSpec:
                     slide = mujoco.mjtJoint.mjJNT_SLIDE
                     body.add_joint(type=slide, axis=axis, range=(-0.01, 0.01), limited=True)
                 show(body, RANKS[column] if row in (0, 7) else "pawn", "white" if row < 4 else "black")
-    look_at(spec, (0.3, -0.5, 0.38), (0.0, -0.02, 0.05))
+    look_at(spec, (0.35, -0.55, 0.42), (0.0, 0.0, 0.03))
     return spec
 
 
@@ -129,8 +133,8 @@ def showroom() -> mujoco.MjSpec:
     add_material(spec, "gold", (GOLD, ORANGE), roughness=(0.1, 0.4), metal=(1.0, 1.0), bumps=1.0, seed=80)
     add_material(spec, "table", (WOOD, (0.45, 0.28, 0.15)), roughness=(0.3, 0.6), cells=24.0, seed=90)
     add_surface(spec, "table", superquadric((0.6, 0.6, 0.1), 0.1))
-    add_surface(spec, "joint", superquadric((0.07, 0.07, 0.07), 0.6))
-    add_surface(spec, "link", superquadric((0.055, 0.055, 0.1), 0.5))
+    add_surface(spec, "joint", superquadric((0.06, 0.06, 0.06), 0.6))
+    add_surface(spec, "link", superquadric((0.05, 0.05, 0.09), 0.5))
     add_surface(spec, "finger", superquadric((0.012, 0.02, 0.05), 0.4))
     add_surface(spec, "vase", revolved((0, 0, 0.05, 0.12, 0.18, 0.2), (0, 0.04, 0.07, 0.04, 0.03, 0.045)))
     show(spec.worldbody, "table", "table", (0.0, 0.0, 0.1))
@@ -140,13 +144,13 @@ def showroom() -> mujoco.MjSpec:
     show(body, "joint", "metal")
     for joint in range(7):
         bent = bool(joint % 2)
-        body = body.add_body(pos=(0.0, 0.0, 0.13 if joint else 0.02))
+        body = body.add_body(pos=(0.0, 0.0, 0.15 if joint else 0.02))
         body.add_joint(axis=(0, 1, 0) if bent else (0, 0, 1), range=(0.2, 1.2) if bent else (-1.0, 1.0), limited=True)
-        show(body, "link", "arm", (0.0, 0.0, 0.06))
-        show(body, "joint", "metal", (0.0, 0.0, 0.12))
+        show(body, "link", "arm", (0.0, 0.0, 0.075))
+        show(body, "joint", "metal", (0.0, 0.0, 0.15))
     for side in (-0.03, 0.03):
-        show(body, "finger", "metal", (0.0, side, 0.22))
-    look_at(spec, (1.1, -1.2, 1.1), (0.0, 0.0, 0.45))
+        show(body, "finger", "metal", (0.0, side, 0.24))
+    look_at(spec, (1.5, -1.5, 1.2), (0.0, 0.0, 0.45))
     return spec
 
 
