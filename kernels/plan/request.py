@@ -24,6 +24,8 @@ class ImageRequest:
         antialiasing: Samples of a pixel.
         tone_mapping: One of ``shading.TONE_CURVES``.
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
+        ambient_occlusion: Shapes hide light from all around.
+        soft_shadows: Shadows are those of lights as large as they are.
     """
 
     width: int
@@ -34,6 +36,8 @@ class ImageRequest:
     antialiasing: int = 1
     tone_mapping: str = "clip"
     paths: bool = False
+    ambient_occlusion: bool = False
+    soft_shadows: bool = False
 
     @property
     def smooth(self) -> tuple[str, ...]:
