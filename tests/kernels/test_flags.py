@@ -61,6 +61,7 @@ def test_lenses_are_alike() -> None:
                 ("shading/world_overrides.h", "OverrideFact"),
                 ("shading/tone_mapping.h", "ToneFlag"),
                 ("shading/environment_map.h", "EnvironmentFlag"),
+                ("shading/light_visibility.h", "VisibilityFlag"),
             ],
         ),
         (SplatFlag, "SPLAT_", [("splats/gaussian_blend.h", "SplatOutput")]),

@@ -82,6 +82,27 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
     set_reflection(inputs, mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
 }
 
+// Where the shares of eight pixels of a region are, of which `count` are given; further lanes repeat the last.
+template <int WIDTH, class Frame>
+inline void find_shares(const Frame& frame, size_t first, const short* pixels, int count, PixelShares<Vec3x8>& shares)
+{
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const int pixel = pixels[min(k, count - 1)];
+        const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+        shares.bytes[k] = reinterpret_cast<const unsigned char*>(frame.visible.data + at);
+    }
+}
+
+template <int FLAGS, class Hits> inline Visibility<FLAGS, Vec3x8> visibility8_of(const Hits& hits)
+{
+    Visibility<FLAGS, Vec3x8> found;
+    if constexpr ((FLAGS & HAS_SHADOWS) != 0)
+        found.shadow = hits.shadow;
+    if constexpr ((FLAGS & SHARE_FLAGS) != 0)
+        found.shares = hits.shares;
+    return found;
+}
+
 // Shades surfaces: light sent to the camera, linear. `color` is their texture's, linear.
 template <class Types, int FLAGS, class Appearances, class Scene_, class Steps>
 WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look, const AreaLights& list,

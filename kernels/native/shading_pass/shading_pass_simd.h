@@ -114,16 +114,6 @@ struct EightHits {
     Int8 shadow;
     int faces[SIMD_WIDTH];
     PixelShares<Vec3x8> shares;
-
-    template <int FLAGS> Visibility<FLAGS, Vec3x8> visibility() const
-    {
-        Visibility<FLAGS, Vec3x8> found;
-        if constexpr ((FLAGS & HAS_SHADOWS) != 0)
-            found.shadow = shadow;
-        if constexpr ((FLAGS & SHARE_FLAGS) != 0)
-            found.shares = shares;
-        return found;
-    }
 };
 
 // World-frame normals of surfaces that face the camera.
@@ -238,7 +228,7 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
                 LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -offset_rays[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
             shade_eight_physically<Types, FLAGS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
-                                                 place, to_eye, rays[n], textures[n], hits[n].template visibility<FLAGS>(),
+                                                 place, to_eye, rays[n], textures[n], visibility8_of<FLAGS>(hits[n]),
                                                  lit.linear);
             if (FLAGS & HAS_EXPOSURE)
                 lit.linear = mul(broadcast(gain), lit.linear);
@@ -333,11 +323,7 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
     constexpr bool FACES = Types::has_any(MESH, HEIGHT_FIELD), SHADOWS = FLAGS & HAS_SHADOWS;
     rows.find(pixels, count, hits.x, hits.y);
     if constexpr ((FLAGS & SHARE_FLAGS) != 0)
-        for (int k = 0; k < SIMD_WIDTH; ++k) {
-            const int pixel = pixels[min(k, count - 1)];
-            const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-            hits.shares.bytes[k] = reinterpret_cast<const unsigned char*>(frame.visible.data + at);
-        }
+        find_shares<WIDTH>(frame, first, pixels, count, hits.shares);
     if (in_one_row<WIDTH>(pixels, count)) {
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
