@@ -38,6 +38,7 @@ class CameraFrame:
         group: Which worlds are drawn.
         device: Where all of these lie.
         paths: PathArrays of passes/paths.py, where lit images are traced by paths of light.
+        film: FilmArrays of passes/film.py, where what is shown depends on the light of a whole image.
     """
 
     tables: SceneTables
@@ -57,6 +58,7 @@ class CameraFrame:
     device: wp.Device
     parts: tuple[int, int] = (1, 1)
     paths: Any = None
+    film: Any = None
 
     @property
     def layers(self) -> LayerTables:

@@ -12,9 +12,10 @@ import warp as wp
 
 from warpcam.kernels.flags import TRAVERSED, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
-from warpcam.kernels.plan import edges, history, launches, paths, shading, shadow, splats, trace
+from warpcam.kernels.plan import edges, film, history, launches, paths, shading, shadow, splats, trace
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
+from warpcam.kernels.plan.film import FilmKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.paths import PathKey, PathListKey
 from warpcam.kernels.plan.request import ImageRequest
@@ -28,7 +29,7 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey
+    | PathListKey | PathKey | FilmKey
 )  # fmt: skip
 
 Key = TypeVar("Key")
@@ -37,6 +38,8 @@ Result = TypeVar("Result")
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
+LIGHT = f"{BUFFER}light"  # of images that are developed from it, where it is no output
+SUMS, SCATTERED = f"{BUFFER}sums of light", f"{BUFFER}scattered light"
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
 
 Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
@@ -82,6 +85,7 @@ class FramePlan:
         fine: Plan of lit images that are drawn finer, whose means are the camera's; None where none is.
         parts: Parts of a pixel, across and down, that are pixels of the finer images.
         paths: Lit images are traced by paths of light.
+        film: Names, dtypes and sizes, down and across, of buffers between the light of an image and what is shown of it.
     """
 
     lists: ListKey | None
@@ -95,6 +99,7 @@ class FramePlan:
     fine: "FramePlan | None" = None
     parts: tuple[int, int] = (1, 1)
     paths: bool = False
+    film: tuple[tuple[str, Any, tuple[int, int]], ...] = ()
 
     @property
     def passes(self) -> Passes:
@@ -105,6 +110,7 @@ class FramePlan:
         """Yield name, dtype and size, down and across, of each buffer of a camera of that size [pixels]."""
         for name, dtype in self.buffers:
             yield name, dtype, (height, width)
+        yield from self.film
         if self.fine is not None:
             across, down = self.parts
             size = (down * height, across * width)
@@ -149,6 +155,8 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         device: Where it is drawn.
         group: Worlds that are drawn together; None is all. The kernels' regions depend on it, the buffers do not.
     """
+    if request.needs_film:
+        return _plan_film(tables, request, device, group)
     if request.paths and lit_outputs(request.outputs):
         return _plan_paths(tables, request, device, group)
     if request.parts != (1, 1):
@@ -185,6 +193,25 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         mirrors=mirrors,
         in_place=in_place,
     )
+
+
+def _plan_film(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
+    """Plan light, and what is shown of it when that of the whole image is there."""
+    drawn = plan_frame(tables, request.undeveloped, device, group)
+    pixels, size, threads = request.width * request.height, (request.height, request.width), film.meter_threads(request)
+    buffers: list[tuple[str, Any, tuple[int, int]]] = [] if "hdr" in request.outputs else [(LIGHT, wp.vec3, size)]
+    last: list[PlannedPass[Any]] = []
+    light, images = ("light", "hdr"), tuple((name, name) for name in lit_outputs(request.outputs))
+    if request.metered:
+        buffers.append((SUMS, wp.vec2, (1, threads)))
+        last.append(PlannedPass("light meter", None, threads, (light, ("sums", SUMS))))
+        last.append(PlannedPass("automatic exposure", None, 1, (("sums", SUMS),)))
+    if request.bloom:
+        buffers.append((SCATTERED, wp.vec3, size))
+        images = (("scattered", SCATTERED), *images)
+        last.append(PlannedPass("bloom", None, pixels, (light, ("scattered", SCATTERED))))
+    last.append(PlannedPass("film", film.plan_film(request), pixels, (light, *images)))
+    return replace(drawn, shading=(*drawn.shading, *last), late=frozenset(), film=tuple(buffers))
 
 
 def _plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:

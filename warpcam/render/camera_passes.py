@@ -12,8 +12,9 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.passes.film import FilmArrays, bind_again
 from warpcam.kernels.passes.paths import bind_more
-from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
+from warpcam.kernels.plan.frame import FINE, LIGHT, FramePlan, plan_frame
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
@@ -51,6 +52,8 @@ def request_of(camera: Camera, projection: Projection, paths: bool = False) -> I
         antialiasing=camera.antialiasing,
         tone_mapping=camera.tone_mapping,
         paths=paths,
+        metered=camera.auto_exposure is not None,
+        bloom=camera.bloom is not None,
     )
 
 
@@ -100,6 +103,7 @@ class CameraPasses:
         tables: The scene.
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
+        film: FilmArrays, where what is shown depends on the light of a whole image.
 
     Attributes:
         plan: Of all worlds drawn together.
@@ -116,6 +120,7 @@ class CameraPasses:
         tables: SceneTables,
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
+        film: FilmArrays | None = None,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
@@ -128,7 +133,7 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._paths = None
+        self._paths, self._film = None, film
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
         listed = plan.lists is not None
@@ -153,10 +158,13 @@ class CameraPasses:
         faults: wp.array,
     ) -> tuple[FramePlan, Stages]:
         """Plan and bind the stages that make the images of a group of worlds, by way of ``buffers``."""
-        request, seen = self._request, self.seen
-        plan = plan_frame(tables, request, self._device, group)
+        seen, plan = self.seen, plan_frame(tables, self._request, self._device, group)
+        request = self._request.undeveloped
         parts = {name.removeprefix(FINE): buffer for name, buffer in buffers.items() if name.startswith(FINE)}
         finer = {name: _as_image(parts[name], name) for name in request.fine.outputs if name in parts}
+        images = self.images | {FINE + name: image for name, image in finer.items()}
+        if LIGHT in buffers:
+            images["hdr"] = _as_image(buffers[LIGHT], "hdr")
         frame = CameraFrame(
             tables=tables,
             width=request.width,
@@ -165,7 +173,7 @@ class CameraPasses:
             views=seen.views,
             mask=mask,
             faults=faults,
-            images=self.images | {FINE + name: image for name, image in finer.items()},
+            images=images,
             buffers=buffers,
             mirrors=seen.mirrors,
             mirrored=seen.mirrored,
@@ -175,12 +183,13 @@ class CameraPasses:
             device=self._device,
             parts=request.parts,
             paths=self._paths,
+            film=self._film,
         )
         visibility, shading = _bound(plan, frame)
         if plan.fine is not None and self.finer is not None:
             first, second = _bound(plan.fine, self._finer_frame(frame, self.finer, finer, parts))
             visibility, shading = [*visibility, *first], [*second, *shading]  # means come last
-        adding = bind_more(plan.shading, frame) if plan.paths else []
+        adding = [*bind_more(plan.shading, frame), *bind_again(plan.shading, frame)] if plan.paths else []
         return plan, Stages(visibility, shading, adding)
 
     def _finer_frame(

@@ -73,7 +73,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
     """
     by_key = check_cameras(scene, cameras)
     own = Look(look, None, scene)
-    own.check_tone_mapping(by_key.values())
+    own.check_display(by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
