@@ -7,8 +7,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.layers import LayerTables
-from warpcam.kernels.plan.frame import BUFFER, PlannedPass
+from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.request import BUFFER
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables

@@ -1,11 +1,21 @@
 """What is done to the light of a whole image before it is shown: automatic exposure, bloom and the curve."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
 
 from warpcam.kernels.flags import ShadingFlag
+from warpcam.kernels.outputs import lit_outputs
 from warpcam.kernels.plan import shading
-from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.plan.request import BUFFER, ImageRequest
+
+LIGHT = f"{BUFFER}light"  # of an image, where it is no output
+SUMS, SCATTERED = f"{BUFFER}sums of light", f"{BUFFER}scattered light"
+
+Arrays = tuple[tuple[str, str], ...]  # see plan/frame.py
 
 
 @dataclass(frozen=True)
@@ -20,11 +30,30 @@ class FilmKey:
         return 8
 
 
-def plan_film(request: ImageRequest) -> FilmKey:
-    """The kernel for the outputs of a request."""
-    return FilmKey(shading.tone_flag(request, request.outputs))
+def plan_passes(request: ImageRequest) -> Iterator[tuple[str, FilmKey | None, int, Arrays]]:
+    """Yield name, kernel, threads and arrays of each pass after those that draw light."""
+    pixels, images = request.width * request.height, tuple((name, name) for name in lit_outputs(request.outputs))
+    light = ("light", "hdr")
+    if request.metered:
+        yield "light meter", None, _meter_threads(request), (light, ("sums", SUMS))
+        yield "automatic exposure", None, 1, (("sums", SUMS),)
+    if request.bloom:
+        images = (("scattered", SCATTERED), *images)
+        yield "bloom", None, pixels, (light, ("scattered", SCATTERED))
+    yield "film", FilmKey(shading.tone_flag(request, request.outputs)), pixels, (light, *images)
 
 
-def meter_threads(request: ImageRequest) -> int:
+def plan_buffers(request: ImageRequest) -> tuple[tuple[str, Any, tuple[int, int]], ...]:
+    """Names, dtypes and sizes, down and across, of what these passes read and write beside images."""
+    size = (request.height, request.width)
+    buffers = {
+        LIGHT: (wp.vec3, size, "hdr" not in request.outputs),
+        SUMS: (wp.vec2, (1, _meter_threads(request)), request.metered),
+        SCATTERED: (wp.vec3, size, request.bloom),
+    }
+    return tuple((name, dtype, size) for name, (dtype, size, there) in buffers.items() if there)
+
+
+def _meter_threads(request: ImageRequest) -> int:
     """Threads that add up the light of an image; one adds up theirs: both have about as much to do."""
     return math.isqrt(request.width * request.height)

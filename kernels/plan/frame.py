@@ -18,7 +18,7 @@ from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.film import FilmKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.paths import PathKey, PathListKey
-from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
@@ -37,9 +37,6 @@ Result = TypeVar("Result")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
-BUFFER = "buffer "  # names of buffers begin with this, those of images do not
-LIGHT = f"{BUFFER}light"  # of images that are developed from it, where it is no output
-SUMS, SCATTERED = f"{BUFFER}sums of light", f"{BUFFER}scattered light"
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
 
 Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
@@ -85,7 +82,7 @@ class FramePlan:
         fine: Plan of lit images that are drawn finer, whose means are the camera's; None where none is.
         parts: Parts of a pixel, across and down, that are pixels of the finer images.
         paths: Lit images are traced by paths of light.
-        film: Names, dtypes and sizes, down and across, of buffers between the light of an image and what is shown of it.
+        film: Names, dtypes and sizes, down and across, of buffers between an image's light and what is shown of it.
     """
 
     lists: ListKey | None
@@ -198,20 +195,8 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
 def _plan_film(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
     """Plan light, and what is shown of it when that of the whole image is there."""
     drawn = plan_frame(tables, request.undeveloped, device, group)
-    pixels, size, threads = request.width * request.height, (request.height, request.width), film.meter_threads(request)
-    buffers: list[tuple[str, Any, tuple[int, int]]] = [] if "hdr" in request.outputs else [(LIGHT, wp.vec3, size)]
-    last: list[PlannedPass[Any]] = []
-    light, images = ("light", "hdr"), tuple((name, name) for name in lit_outputs(request.outputs))
-    if request.metered:
-        buffers.append((SUMS, wp.vec2, (1, threads)))
-        last.append(PlannedPass("light meter", None, threads, (light, ("sums", SUMS))))
-        last.append(PlannedPass("automatic exposure", None, 1, (("sums", SUMS),)))
-    if request.bloom:
-        buffers.append((SCATTERED, wp.vec3, size))
-        images = (("scattered", SCATTERED), *images)
-        last.append(PlannedPass("bloom", None, pixels, (light, ("scattered", SCATTERED))))
-    last.append(PlannedPass("film", film.plan_film(request), pixels, (light, *images)))
-    return replace(drawn, shading=(*drawn.shading, *last), late=frozenset(), film=tuple(buffers))
+    last = tuple(PlannedPass(*each) for each in film.plan_passes(request))
+    return replace(drawn, shading=(*drawn.shading, *last), late=frozenset(), film=film.plan_buffers(request))
 
 
 def _plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:

@@ -9,6 +9,7 @@ from warpcam.kernels.outputs import lit_outputs
 # part has EDGE_SAMPLES where an edge runs through it.
 SUPERSAMPLING: Mapping[int, tuple[int, int]] = {8: (2, 1), 16: (2, 2), 64: (4, 4)}
 EDGE_SAMPLES = 4
+BUFFER = "buffer "  # names of buffers begin with this, those of images do not
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from tone_curves import CURVES
 
 import warpcam as wc
 from warpcam.core.color import linear_to_srgb
+from warpcam.render import scratch_memory
 
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import FOVY, add_ball, add_sun
@@ -66,7 +67,8 @@ def test_exposure_of_each_world(scene: wc.Scene, look: str, device: wp.Device) -
     assert np.ptp(stops) > 1.0
     assert (plain[2] == 0.0).any()
     np.testing.assert_allclose(renderer.camera("auto").auto_exposure.cpu(), stops, atol=1e-4)
-    factor = 2.0 ** (stops + (0.0, 1.0, -1.0))[:, None, None, None] * np.array((1.0, 0.5, 2.0))
+    own = stops + np.array((0.0, 1.0, -1.0))
+    factor = 2.0 ** own[:, None, None, None] * np.array((1.0, 0.5, 2.0))
     np.testing.assert_allclose(seen(renderer, "auto"), plain * factor, rtol=1e-4)
     wanted = 255.0 * linear_to_srgb(CURVES["aces"](plain * factor))
     assert np.abs(seen(renderer, "auto", "rgb") - wanted).max() < 0.51
@@ -161,6 +163,19 @@ def test_memory_and_frames_alike(scene: wc.Scene, device: wp.Device) -> None:
     for _ in range(3):
         renderer.render()
         np.testing.assert_array_equal(seen(renderer, "c", "rgb"), first)
+
+
+def test_groups_of_worlds(scene: wc.Scene, device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With little memory between the stages worlds are drawn one after another, and no image is written over."""
+    both = {"auto_exposure": wc.AutoExposure(), "bloom": wc.Bloom()}
+    cameras = [camera("few", outputs=("rgb", "depth"), **both), camera("all", antialiasing=4, **both)]
+    whole = rendered(scene, "pbr", *cameras)
+    monkeypatch.setattr(scratch_memory, "ALWAYS_ALLOWED", WIDTH * HEIGHT)
+    grouped = rendered(scene, "pbr", *cameras)
+    assert grouped.memory.scratch < whole.memory.scratch / 2
+    for key, images in whole.images.items():
+        for name in images:
+            np.testing.assert_array_equal(seen(grouped, str(key), name), seen(whole, str(key), name))
 
 
 def test_refusals(device: wp.Device) -> None:

@@ -128,12 +128,12 @@ class Camera:
     @property
     def has_exposure(self) -> bool:
         """True where all light is multiplied by an exposure and a gain, which have arrays."""
-        return not (self.exposure is self.gain is None) or self.needs_film
+        return self.exposure is not None or self.gain is not None or self.needs_film
 
     @property
     def needs_film(self) -> bool:
         """True where what is shown depends on the light of the whole image."""
-        return not (self.auto_exposure is self.bloom is None)
+        return self.auto_exposure is not None or self.bloom is not None
 
     @property
     def where(self) -> str:

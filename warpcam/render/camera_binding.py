@@ -350,7 +350,7 @@ def pose_bytes(camera: Camera) -> int:
 def shared_bytes(camera: Camera, scene: Scene) -> int:
     """Bytes of what a camera has beside, however many worlds there are.
 
-    These are a lens's table, a bloom's weights, that there is no skybox, and which shapes it sees if it does not see all.
+    These are a lens's table, a bloom's weights, that there is no skybox, and which shapes it sees if not all.
     """
     table = 0
     if isinstance(camera.lens, RayTableLens):

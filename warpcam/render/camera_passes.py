@@ -14,7 +14,8 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.film import FilmArrays, bind_again
 from warpcam.kernels.passes.paths import bind_more
-from warpcam.kernels.plan.frame import FINE, LIGHT, FramePlan, plan_frame
+from warpcam.kernels.plan.film import LIGHT
+from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage

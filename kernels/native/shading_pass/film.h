@@ -14,9 +14,9 @@ WARPCAM_DEVICE Vec3 three_at(const float* image, size_t at)
 }
 
 // Adds up, in a fixed order, the stops of every `threads`-th pixel of a world that shows light, and counts these.
-template <class Mask, class Light, class Sums>
-WARPCAM_DEVICE void meter_light(const Mask& mask, const Light& light, const Sums& sums, int pixels, int threads,
-                                int index)
+template <class Mask, class Light, class Sums> WARPCAM_DEVICE void meter_light(const Mask& mask, const Light& light,
+                                                                               const Sums& sums, int pixels,
+                                                                               int threads, int index)
 {
     const int world = index / threads;
     if (!mask.data[world])
@@ -78,9 +78,8 @@ WARPCAM_DEVICE void develop(const Frame& frame, const Images& images, int index)
     if (frame.scattered.data) {
         const float* const scattered = reinterpret_cast<const float*>(frame.scattered.data);
         const size_t top = size_t(world) * frame.height * frame.width + column;
-        const Vec3 around =
-            blurred_along(frame.weights.data, frame.radius, row, frame.height,
-                          [&](int at) { return three_at(scattered, top + size_t(at) * frame.width); });
+        const Vec3 around = blurred_along(frame.weights.data, frame.radius, row, frame.height,
+                                          [&](int at) { return three_at(scattered, top + size_t(at) * frame.width); });
         light = (1.0f - frame.strength) * light + frame.strength * around;
     }
     const float automatic = frame.automatic.data ? frame.automatic.data[world] : 0.0f;
