@@ -35,7 +35,8 @@ class SceneTables:
     has_mips: bool = False  # each texture but cubes has a mipmapped one: Textures.mips
     ids_by_world: bool = False  # shapes and bodies have ids of their own in each world: Shapes.ids
     horizon: float = 0.0  # how far the source's own renderer draws endless planes [m]; 0 if it has none
-    first_plane: int = -1  # id of the first plane that is drawn
+    planes: tuple[int, ...] = ()  # ids of the planes that are drawn
+    general_planes: bool = False  # these are more than an endless grey one in grey light
     physical: Any = None  # Physical, of scenes that are lit as native/shading/pbr.h does it
     has_maps: bool = False  # some material of such a scene has more than the texture of its colour
     backs_shade: bool = False  # in such a scene meshes that are seen from one side cast shadows from both
@@ -52,3 +53,8 @@ class SceneTables:
     headlights: bool = False  # each world has a headlight of its own: see native/shading/world_overrides.h
     casters: Any = None  # as `shapes`, but of those that are drawn the ones that cast shadows; None: all of them do
     labels: Mapping[str, Any] = field(default_factory=dict)  # (world or 1, shape) int32 of "instances" and "semantics"
+
+    @property
+    def first_plane(self) -> int:
+        """Id of the first plane that is drawn; -1 if there is none."""
+        return self.planes[0] if self.planes else -1

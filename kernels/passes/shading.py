@@ -46,7 +46,10 @@ def frame_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
     fields |= visible_fields(shape_dtype, face_dtype) | {
         "shadow": wp.array(dtype=wp.uint8),  # (pixel,) as the shadow pass wrote it; empty without shadows
         "horizon": wp.float32,  # how far the camera of MuJoCo's renderer sees [m]; see native/shading/plane_grid.h
-        "plane": wp.int32,  # id of the plane whose corners are kept, or -1; native/shading/plane_vertex_lighting.h
+        # id of the plane whose corners are kept, or -1; native/shading/plane_vertex_lighting.h. With several planes it
+        # is the first one, and CUDA's regions may choose another.
+        "plane": wp.int32,
+        "planes": wp.int32,  # how many there are
     }
     if kind != "plain":
         fields |= {
@@ -118,7 +121,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
     frame.fill(planned, seen, ("shadow",))
-    seen.horizon, seen.plane = tables.horizon, tables.first_plane
+    seen.horizon, seen.plane, seen.planes = tables.horizon, tables.first_plane, len(tables.planes)
     images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)
     arguments = [seen, images, *scene, tables.materials, tables.textures, lights, tables.background]

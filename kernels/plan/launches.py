@@ -20,6 +20,7 @@ LENSES = {
 TABLES = frozenset(("rays", "offset_rays"))  # those of them that are tables
 THREADS = 128  # of a CUDA block; core/platform.h has the same number
 REGIONS = ((64, 64), (64, 32), (32, 32), (32, 16), (16, 16), (16, 8))
+TALL = (32, 96)  # regions of images that clearly fewer of them cover than of the largest
 QUICK = (32, 16)  # pixels: a strip of tiles for each warp
 MANY = 64  # shapes
 FEW_BLOCKS = 3  # on a multiprocessor: as many are enough where a block's tiles take about as long as setting it up
@@ -134,7 +135,14 @@ def rounded_capacity(count: int, step: int, device: wp.Device) -> int:
 
 
 def region_size(
-    tables: SceneTables, at_once: int, width: int, height: int, device: wp.Device, quick: bool | None = None
+    tables: SceneTables,
+    at_once: int,
+    width: int,
+    height: int,
+    device: wp.Device,
+    quick: bool | None = None,
+    *,
+    fitted: bool = False,
 ) -> tuple[int, int]:
     """Pixels that one thread block draws: as many as leave enough blocks to fill the device.
 
@@ -150,11 +158,17 @@ def region_size(
         device: Where it is drawn.
         quick: Tiles take about as long as setting a block up, so that few worlds are not cut into blocks of a tile a
             warp; None: in scenes without meshes and height fields.
+        fitted: Regions may be TALL. In scenes without meshes and height fields a CUDA block takes about as long to
+            set up for a region that lies half outside of its image as for a whole one.
     """
     if quick is None:
         quick = is_analytic(tables.shape_types)
     wanted = device.sm_count * 10 if device.is_cuda else cpu_threads()
     largest = 0
+    if fitted and device.is_cuda and is_analytic(tables.shape_types):
+        count = regions_of(width, height, TALL)
+        if 8 * count <= 7 * regions_of(width, height, REGIONS[0]) and at_once * count >= wanted:
+            return TALL
     if device.is_cuda and MESH in tables.shape_types:
         several = width > REGIONS[0][0] or height > REGIONS[0][1]
         largest = 2 if tables.num_drawn > MANY else 1 if several else 0

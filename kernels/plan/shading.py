@@ -38,7 +38,7 @@ MAX_KEPT = 256  # shapes whose looks a block can keep
 MAX_SEEN = 512  # shapes of which it can keep the looks of those that it sees; with more it sees too many
 MAX_PLANE_PATH = 64  # shapes of a scene without meshes that leave room for SEPARATE_PLANE_PATH
 MAX_STRIPS = 128  # shapes of a scene whose floors are drawn by strips
-# lights of a scene whose floors are drawn by strips with their shadows: FEW in native/shading/plane_vertex_lighting.h
+# lights of a scene whose corners keep a group of numbers: GREY_VERTEX_LIGHTS in native/shading/plane_vertex_lighting.h
 MAX_CASTING = 3
 LAYER_FLAGS = (
     ShadingFlag.MIRROR_VIEW
@@ -47,6 +47,7 @@ LAYER_FLAGS = (
     | ShadingFlag.HAS_HAZE
     | ShadingFlag.WRITE_BACK_TRANSPARENT
 )
+COVERING_FLAGS = ShadingFlag.HAS_TRANSPARENT | ShadingFlag.WRITE_BACK_TRANSPARENT  # what leaves floors beside it alone
 # Shapes of scenes whose CPU kernels of colours are compiled for materials and, but where light is physical, a skybox
 # whether these are there or not. Textures, too, would take up to 4 % longer in scenes without any.
 FEW = 64
@@ -113,16 +114,18 @@ def plan_shading(
             transparent = launches.rounded_capacity(layers.transparent_shapes.size, 8, device)
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
     overrides = override_flags(tables.world_overrides, tables.headlights)
-    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True)
+    region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True, fitted=True)
     flags = appearance_flags(tables, shadows) | layered | overrides | tone_flag(request, outputs)
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)
         plain = frozenset(outputs) in IN_QUADS and request.lens == "pinhole" and tables.physical is None
-        plain &= not (layered or overrides & ShadingFlag.HAS_EXPOSURE)
-        by_vertices = not shadows or tables.num_lights <= MAX_CASTING
-        strips = has_strips(tables.shape_types, tables.num_drawn) and whole and region[0] % 32 == 0
-        strips = strips and plain and by_vertices
+        plain &= not layered & ~COVERING_FLAGS
+        strips = has_strips(tables.shape_types, tables.num_drawn) and width % 4 == 0 and region[0] % 32 == 0
+        strips = strips and plain
+        general = tables.general_planes or bool(overrides & ShadingFlag.HAS_EXPOSURE)
+        general |= shadows and tables.num_lights > MAX_CASTING
+        flags |= flag_if(ShadingFlag.GENERAL_PLANES, strips and general)
         flags |= flag_if(ShadingFlag.PLANE_STRIPS, strips) | flag_if(ShadingFlag.HAS_MIPS, strips and tables.has_mips)
     capacity = _capacity(tables, device)
     if not device.is_cuda and 0 < capacity <= FEW:

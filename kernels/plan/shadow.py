@@ -62,7 +62,7 @@ def plan_shadow(
     surveyed = device.is_cuda and MESH in tables.shape_types and capacity == CAPACITIES[-1]
     scene |= flag_if(SceneFlag.BACKS_UNLIT, surveyed and tables.physical is None)
     width, height = request.width, request.height
-    region = region_size(tables, group.concurrent_worlds, width, height, device)
+    region = region_size(tables, group.concurrent_worlds, width, height, device, fitted=not many)
     threads = launches.world_threads(launches.regions_of(width, height, region), device)
     types = launches.in_order(SceneTypes(types.geometry, scene), len(group.worlds) * threads, device)
     return PlannedLaunch(ShadowKey(many, types, LENSES[request.lens], capacity, region), threads)

@@ -160,7 +160,8 @@ def plan_trace(
     capacity = launches.list_capacity(tables.num_drawn, device, most)
     if in_view:
         capacity = IN_VIEW_ANALYTIC_CAPACITY if launches.is_analytic(tables.shape_types) else IN_VIEW_CAPACITY
-    region = (width, height) if listed else region_size(tables, group.concurrent_worlds, width, height, device)
+    fitted = region_size(tables, group.concurrent_worlds, width, height, device, fitted=True)
+    region = (width, height) if listed else fitted
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     outputs |= flag_if(TraceFlag.IN_VIEW, in_view)
     if not device.is_cuda:

@@ -18,7 +18,7 @@ import warp as wp
 import warpcam as wc
 from warpcam import sensors
 from warpcam.compat.mujoco_warp.splats import ContextSplats
-from warpcam.kernels.flags import SceneFlag
+from warpcam.kernels.flags import SceneFlag, ShadingFlag
 from warpcam.kernels.plan import edges
 from warpcam.kernels.runtime import compile as compilation
 from warpcam.kernels.runtime import launch
@@ -150,6 +150,18 @@ def test_of_shapes_listed_ahead(output: str, card: list[launch.Stage], folder: P
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("depth", "segmentation", output))
     assert any("lists" in stage.module.name for stage in card)
     assert _compile(card, folder) >= 2
+
+
+@pytest.mark.parametrize(
+    ("outputs", "more"), [(("rgb", "rgba"), ""), (("hdr",), ""), (("rgb",), '<geom size=".2" rgba="1 1 1 .5"/>')]
+)
+def test_of_floors_in_parts_of_regions(
+    outputs: tuple[str, ...], more: str, card: list[launch.Stage], tmp_path: Path
+) -> None:
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), outputs, (84, 84), shadows=True)
+    shading = [stage for stage in card if stage.module.name.startswith("write_images")]
+    assert shading[0].key.flags & (ShadingFlag.PLANE_STRIPS | ShadingFlag.WHOLE_REGIONS) == ShadingFlag.PLANE_STRIPS
+    assert _compile(shading, tmp_path) == 1
 
 
 @pytest.mark.parametrize("shapes", [1, 130])  # of many ids have more than a byte

@@ -31,6 +31,7 @@ CPU: Any = SimpleNamespace(is_cuda=False, is_cpu=True)
 CARD: Any = SimpleNamespace(is_cuda=True, is_cpu=False, sm_count=132)
 ALL = Group.of_all(8192)
 REQUEST = ImageRequest(64, 64, "pinhole", ("rgb",))
+NONE, ONE = SimpleNamespace(size=0), SimpleNamespace(size=1)
 
 
 def scene(*shape_types: int, shapes: int = 20, flags: SceneFlag = NO_SCENE_FLAGS, **other: Any) -> SceneTables:
@@ -150,16 +151,40 @@ def test_backs_of_meshes_shade() -> None:
     assert SceneFlag.SHADING_BACKS not in key.types.scene
 
 
-@pytest.mark.parametrize(("width", "strips"), [(64, True), (60, False)])
-def test_planes_are_shaded_by_strips_of_whole_regions(width: int, strips: bool) -> None:
+@pytest.mark.parametrize(("width", "strips"), [(64, True), (60, True), (62, False)])
+def test_planes_are_shaded_by_strips_where_four_pixels_are_stored_at_once(width: int, strips: bool) -> None:
     tables = scene(types.PLANE, types.BOX)
     request = ImageRequest(width, 64, "pinhole", ("rgb",))
     plan = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=False)
     assert (ShadingFlag.PLANE_STRIPS in plan.key.flags) == strips
+    shadowed = shading.plan_shading(
+        scene(types.PLANE, num_lights=8), request, CARD, ALL, outputs=("rgb",), shadows=True
+    )
+    assert (ShadingFlag.PLANE_STRIPS in shadowed.key.flags) == strips
+    assert (ShadingFlag.WHOLE_REGIONS in plan.key.flags) == (width == 64)
     assert plan.key.images == ImageFlag.RGB
     assert plan.key.blocks == (6 if strips else 5)
     on_cpu = shading.plan_shading(tables, request, CPU, ALL, outputs=("rgb",), shadows=False)
     assert not on_cpu.key.flags & (ShadingFlag.PLANE_STRIPS | ShadingFlag.STORE_QUADS | ShadingFlag.WHOLE_REGIONS)
+
+
+@pytest.mark.parametrize(
+    ("facts", "shadows", "general"),
+    [
+        ({"num_lights": 3}, True, False),
+        ({"num_lights": 4}, True, True),
+        ({"num_lights": 8}, False, False),
+        ({"general_planes": True}, False, True),
+        ({"world_overrides": SimpleNamespace(texture_offsets=NONE, skyboxes=NONE, exposures=ONE)}, False, True),
+    ],
+)
+def test_kernels_of_strips_are_for_the_planes_of_the_scene(facts: dict[str, Any], shadows: bool, general: bool) -> None:
+    tables, request = scene(types.PLANE, **facts), ImageRequest(64, 64, "pinhole", ("rgb",))
+    key = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=shadows).key
+    assert (ShadingFlag.GENERAL_PLANES in key.flags) == general
+    tables = replace(tables, shape_types=frozenset((types.BOX,)))
+    key = shading.plan_shading(tables, request, CARD, ALL, outputs=("rgb",), shadows=shadows).key
+    assert ShadingFlag.GENERAL_PLANES not in key.flags
 
 
 def test_colours_of_few_shapes_share_a_kernel_of_a_cpu() -> None:

@@ -47,6 +47,29 @@ def test_regions_leave_enough_blocks(
     assert region_size(scene, worlds, *size, CARD, quick) == expected
 
 
+@pytest.mark.parametrize(
+    ("scene", "worlds", "size", "expected"),
+    [
+        (tables(), 1024, (84, 84), (32, 96)),  # three of them for four
+        (tables(), 1024, (96, 96), (32, 96)),
+        (tables(), 1024, (128, 72), (64, 64)),
+        (tables(), 1024, (224, 224), (64, 64)),
+        (tables(), 1024, (160, 90), (32, 96)),
+        (tables(), 1024, (128, 128), (64, 64)),
+        (tables(), 1024, (100, 100), (64, 64)),
+        (tables(), 1024, (640, 480), (64, 64)),
+        (tables(), 64, (84, 84), (32, 16)),  # too few worlds
+        (tables(MESH), 1024, (84, 84), (64, 32)),
+    ],
+)
+def test_regions_are_fitted_to_images(
+    scene: Any, worlds: int, size: tuple[int, int], expected: tuple[int, int]
+) -> None:
+    assert region_size(scene, worlds, *size, CARD, fitted=True) == expected
+    cpu = SimpleNamespace(is_cuda=False)
+    assert region_size(scene, worlds, *size, cpu, fitted=True) == region_size(scene, worlds, *size, cpu)
+
+
 @pytest.mark.parametrize(("cores", "expected"), [(1, (64, 64)), (2, (64, 32)), (8, (32, 16))])
 def test_a_cpu_draws_a_region_a_core(cores: int, expected: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(launches, "cpu_threads", lambda: cores)
@@ -92,7 +115,7 @@ def test_images_do_not_depend_on_the_regions(
     for region in ((16, 8), (32, 32), (64, 64)):  # a warp draws one tile at once, and two
         mjm = scenes.compile_xml(SHAPES)
         m, d = scenes.put(mjm, 2)
-        monkeypatch.setattr(trace, "region_size", lambda *_, region=region: region)
+        monkeypatch.setattr(trace, "region_size", lambda *_, region=region, **__: region)
         renderer = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera])
         renderer.render()
         scenes.write(d.geom_xpos, (1, slice(1, 4)), d.geom_xpos.numpy()[1, 1:4] + np.float32(0.05))
@@ -133,7 +156,7 @@ def test_a_launch_may_have_more_blocks_than_a_row_of_its_grid(
         assets='<hfield name="hills" nrow="2" ncol="2" elevation="0 1 1 0" size="1 1 .2 .1"/>',
     )
     m, d = scenes.put(mjm, worlds)
-    monkeypatch.setattr(trace, "region_size", lambda *_: (16, 8))  # nine of them: 135,000 blocks
+    monkeypatch.setattr(trace, "region_size", lambda *_, **__: (16, 8))  # nine of them: 135,000 blocks
     camera = scenes.own_camera(width=48, height=24, outputs=("depth", "segmentation"), position=(0.0, 0.0, 3.0))
     images = wc.Renderer(wc.from_mujoco_warp(mjm, m, d), [camera]).render()["eye"]
     assert len(images["segmentation"][0].unique()) == 3

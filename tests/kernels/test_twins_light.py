@@ -81,9 +81,9 @@ def corner(grey):
     return Twin(
         lit,
         setup=LIGHTS + "constexpr int STRIDE = 9; float values[SIMD_WIDTH * STRIDE] {};",
-        one=f"light_corner<{total}, true, true>(list, vec(0), vec(9), material, values);"
+        one=f"light_corner<{total}, true, true>(list, vec(0), vec(9), material, 3, values);"
         "for (int n = 0; n < STRIDE; ++n) close(values[n]);",
-        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), material, STRIDE, SIMD_WIDTH, values);"
+        eight=f"light_eight_corners<{many}, true>(list, vec(0), vec(9), material, 3, STRIDE, SIMD_WIDTH, values);"
         "for (int n = 0; n < STRIDE; ++n) {"
         "Float8 all; for (int k = 0; k < SIMD_WIDTH; ++k) all[k] = values[k * STRIDE + n]; close(all); }",
         **HIGHLIGHT,
@@ -91,15 +91,16 @@ def corner(grey):
 
 
 GRID = """
-    struct : LitVertexGrid<256, true> {} grid {};
+    struct : LitVertexGrid<256, true, true> {} grid {};
     grid.grey = same(4) > 0.0f;
     grid.few = same(5) > 0.0f;
-    grid.stride = grid.few ? GREY_VERTEX_LIGHTS : grid.grey ? 3 : 9;
+    grid.each = grid.few ? GREY_VERTEX_LIGHTS : 3;
+    grid.stride = grid.grey ? grid.each : 9;
     grid.columns = 5;
     grid.rows = 4;
     grid.casting = 2;
-    grid.bits[0] = 1;
-    grid.bits[1] = 2;
+    grid.bits[1] = 1;
+    grid.bits[2] = 2;
     grid.u = grid.v = cell_axis(cells_between(4.0f * same(6), same(6)));
     for (int n = 0; n < 180; ++n)
         grid.values[n] = 0.125f * (float)(n * 37 % 19);

@@ -60,6 +60,7 @@ def main(device: str, names: Sequence[str], own: Mapping[str, Callable[[wp.Devic
     where = wp.get_device(device)
     if where.is_cuda:
         wp.set_mempool_enabled(where, False)  # else many arrays lie in one allocation
+        wp.config.lineinfo = True
     for name in names:
         began = time.monotonic()
         print(f"{BEGINS}{name}", flush=True)

@@ -41,7 +41,7 @@ class ExcludedBodies:
         places = np.full(len(types), -1, np.int32)
         places[kept] = np.arange(len(kept))
         self._drawn, self._places = (wp.array(values, dtype=wp.int32, device=device) for values in (kept, places))
-        self._first_plane = next((int(shape) for shape in kept if types[shape] == PLANE), -1)
+        self._planes = tuple(int(shape) for shape in kept if types[shape] == PLANE)
 
     def without(self, tables: SceneTables) -> SceneTables:
         """The tables without these shapes, which cast shadows nevertheless; kernels are those of all shapes."""
@@ -49,4 +49,4 @@ class ExcludedBodies:
         shapes.assign(tables.shapes)
         shapes.drawn, shapes.places = self._drawn, self._places
         casters: Any = tables.shapes if tables.casters is None else tables.casters
-        return replace(tables, shapes=shapes, first_plane=self._first_plane, casters=casters)
+        return replace(tables, shapes=shapes, planes=self._planes, casters=casters)

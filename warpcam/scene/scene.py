@@ -20,19 +20,9 @@ from warpcam.kernels.passes.world_overrides import without_background
 from warpcam.kernels.plan.shading import has_plane_path, has_strips
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage, run
 from warpcam.kernels.scene_tables import SceneTables
-from warpcam.kernels.types import (
-    HEIGHT_FIELD,
-    MESH,
-    PLANE,
-    SKY_TERMS,
-    SPLATS,
-    Background,
-    Lights,
-    Materials,
-    Physical,
-    Shapes,
-)
+from warpcam.kernels.types import HEIGHT_FIELD, MESH, SKY_TERMS, SPLATS, Background, Lights, Materials, Physical, Shapes
 from warpcam.scene.bounds import Bounds, bounds_of
+from warpcam.scene.planes import Planes
 from warpcam.scene.source import LIVE_ARRAYS, PBR_LIVE_ARRAYS, SceneCamera, SceneDescription, Source, live_arrays_of
 from warpcam.scene.validation import check_array, check_description, check_indices, find_body, find_index
 from warpcam.scene.world_overrides import WorldOverrides
@@ -99,10 +89,11 @@ class Scene:
         self._ids, self._body_ids = (
             self._ints(np.zeros((0, 0), np.int32) if ids is None else ids) for ids in (parts.shape_ids, parts.body_ids)
         )
-        self._layers = parts.layers.tables(len(parts.shape_types), self.device)
+        self._layers, self._planes = parts.layers.tables(len(parts.shape_types), self.device), Planes(parts)
         source.refresh()
         source.arrays()
         run(self.stages())
+        self._planes.look_at(source.arrays())
         self._tables = self.tables()
         check_indices(self._arrays, parts, self._seen(), source.user_name)
 
@@ -341,7 +332,8 @@ class Scene:
             headlights=self._own.headlights,
             ids_by_world=parts.shape_ids is not None,
             horizon=parts.horizon,
-            first_plane=next((shape for shape in parts.drawn if parts.shape_types[shape] == PLANE), -1),
+            planes=self._planes.ids,
+            general_planes=self._planes.general(self._own),
             physical=physical,
             has_maps=parts.physical and parts.maps,
             backs_shade=parts.backs_shade,

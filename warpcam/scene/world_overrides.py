@@ -59,7 +59,7 @@ class WorldOverrides:
         self._headlight: wp.array | None = None
         self.stages: tuple[Stage, ...] = ()
 
-    def __contains__(self, name: str) -> bool:
+    def __contains__(self, name: object) -> bool:
         return name in self._tensors
 
     def tensor(self, name: str) -> torch_interop.Tensor:

@@ -10,6 +10,8 @@ namespace warpcam {
 
 #if defined(__CUDA_ARCH__)
 #define WARPCAM_DEVICE __device__ inline
+// A function that may be large, of one caller in a kernel: called, it would copy the kernel's arguments to the stack.
+#define WARPCAM_INLINED __device__ __forceinline__
 #define WARPCAM_NOINLINE_CPU
 #define WARPCAM_SHARED __shared__
 #if !defined(WARPCAM_THREADS)
@@ -18,6 +20,7 @@ namespace warpcam {
 constexpr int THREADS = WARPCAM_THREADS;  // that work on one region of an image
 #else
 #define WARPCAM_DEVICE inline
+#define WARPCAM_INLINED inline
 // A function for a shape or a light, not for a pixel. On a CPU others with one caller are inlined there; with these,
 // too, compiling would take half as long again.
 #define WARPCAM_NOINLINE_CPU __attribute__((noinline))

@@ -22,6 +22,7 @@ enum ShadingFlag {
     PLANE_STRIPS = 128,  // floors may be drawn by strips: shading_pass/plane_strips.h
     PHYSICAL = 1 << 12,  // is lit as shading/pbr.h does it, else as shading/fixed_function.h does
     HAS_MAPS = 1 << 13,  // some material has more than the texture of its colour
+    GENERAL_PLANES = 1 << 15,  // see LitVertexGrid
     HAS_OFFSETS = 1 << 20,  // textures are moved: shading/world_overrides.h
     HAS_MIPS = 1 << 24  // each texture but cubes has a mipmapped one; told where floors are looked up by them
 };

@@ -66,10 +66,10 @@ WARPCAM_DEVICE auto cached_appearance(const Appearances* looks, const List& ligh
 
 // The look of the plane whose corners are kept.
 template <int CACHED, class Held, class Scene_>
-WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene)
+WARPCAM_DEVICE const auto& plane_look(const Held* looks, const Scene_& scene, int plane)
 {
     if constexpr (CACHED > 0)
-        return looks[scene.frame.plane >= 0 ? wp::index(scene.shapes.places, scene.frame.plane) : 0];
+        return looks[plane >= 0 ? wp::index(scene.shapes.places, plane) : 0];
     else
         return looks->plane;
 }
@@ -87,6 +87,40 @@ WARPCAM_DEVICE void seek_tile(Pixel& pixel, const Frame_& frame, unsigned first,
     pixel.height = frame.height - top;
     pixel.at = first + pixel.row * frame.width + pixel.column;
     pixel.inside = (FLAGS & WHOLE_REGIONS) || (pixel.column < frame.width && pixel.row < frame.height);
+}
+
+// The plane that the most samples of a region show; the first plane where none do. For whole warps.
+template <class Scene_>
+WARPCAM_DEVICE int most_shown_plane(const Scene_& scene, const Region& region, unsigned first, int lane)
+{
+    const auto& frame = scene.frame;
+    constexpr int EACH = SAMPLE_COLUMNS * SAMPLE_ROWS / WARP_SIZE;
+    int ids[EACH];
+    for (int k = 0; k < EACH; ++k) {
+        const int sample = lane + k * WARP_SIZE, column = sample % SAMPLE_COLUMNS, row = sample / SAMPLE_COLUMNS;
+        const int i = min(region.left + (2 * column + 1) * region.width / (2 * SAMPLE_COLUMNS), frame.width - 1);
+        const int j = min(region.top + (2 * row + 1) * region.height / (2 * SAMPLE_ROWS), frame.height - 1);
+        const int id = frame.shape.data[first + unsigned(j * frame.width + i)];
+        ids[k] = id >= 0 && wp::index(scene.shapes.types, id) == PLANE ? id : -1;
+    }
+    int shown = frame.plane, most = 0;
+#pragma unroll 1
+    for (int trial = 0; trial < frame.planes; ++trial) {
+        int last = -1, count = 0;
+        for (int k = 0; k < EACH; ++k)
+            last = max(last, ids[k]);
+        last = warp_reduce_max(last);
+        for (int k = 0; k < EACH; ++k) {
+            count += ids[k] == last ? 1 : 0;
+            ids[k] = ids[k] == last ? -1 : ids[k];
+        }
+        count = warp_reduce_add(count);
+        if (last < 0)
+            break;
+        shown = count > most ? last : shown;
+        most = max(most, count);
+    }
+    return shown;
 }
 
 // Keeps the looks of the shapes that a region shows. The threads of a block share the work.

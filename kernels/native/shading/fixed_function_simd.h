@@ -121,24 +121,24 @@ inline void illuminate_eight(const LightList& list, const GouraudTriangle8& gour
         illuminate_eight_as<SHADOWS, LINEAR, Float8>(list, gouraud, corners, material, shadow, lit, eye...);
 }
 
-// Lights eight vertices of a plane; results are `stride` numbers apart.
+// Lights eight vertices of a plane; results are `stride` numbers apart, and a result's channels `each`.
 template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightList& list, Vec3x8 place, Vec3x8 normal,
-                                                                   const ResolvedMaterial& material, int stride,
-                                                                   int count, float* values)
+                                                                   const ResolvedMaterial& material, int each,
+                                                                   int stride, int count, float* values)
 {
     constexpr int CHANNELS = sizeof(Sum) / sizeof(Float8);
     const auto keep = [&](Vec3x8 color, int slot) {
         for (int k = 0; k < count; ++k) {
             values[k * stride + slot] = color.x[k];
             if (CHANNELS == 3) {
-                values[k * stride + slot + 1] = color.y[k];
-                values[k * stride + slot + 2] = color.z[k];
+                values[k * stride + slot + each] = color.y[k];
+                values[k * stride + slot + 2 * each] = color.z[k];
             }
         }
     };
     const Vertices vertex = vertex_at(place, normal);
     LightSum<Sum> steady {};
-    int slot = CHANNELS;
+    int slot = 1;
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
         const Arrivals arrival = arrivals_of(light, vertex);
@@ -147,8 +147,7 @@ template <class Sum, bool SHADOWS> inline void light_eight_corners(const LightLi
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(clip(reflected<Vec3x8>(own, of_casting(material))), slot);
-            slot += CHANNELS;
+            keep(clip(reflected<Vec3x8>(own, of_casting(material))), slot++);
         } else {
             add_share(steady, share, light);
         }
@@ -181,9 +180,11 @@ WARPCAM_NOINLINE_CPU inline void light_all_corners(Grid& grid, const LightList& 
                 for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
                     values[k * grid.stride + n] = 0.0f;
         if (grid.grey)
-            light_eight_corners<Float8, Grid::SHADOWS>(list, place, normal, look.material, grid.stride, count, values);
+            light_eight_corners<Float8, Grid::SHADOWS>(list, place, normal, look.material, grid.each, grid.stride,
+                                                       count, values);
         else
-            light_eight_corners<Vec3x8, Grid::SHADOWS>(list, place, normal, look.material, grid.stride, count, values);
+            light_eight_corners<Vec3x8, Grid::SHADOWS>(list, place, normal, look.material, grid.each, grid.stride,
+                                                       count, values);
     }
 }
 
@@ -193,7 +194,7 @@ struct OnCornersOfEight {
     Float8 weight1, weight2, weight3;
     bool together;  // all in one triangle
 
-    // Rows of FEW numbers.
+    // Rows of GREY_VERTEX_LIGHTS numbers.
     Float8x4 few(const float* values) const
     {
         if (together)
@@ -248,23 +249,20 @@ template <class Grid> inline Vec3x8 light_from_corners(const Grid& grid, const O
     if (Grid::SHADOWS && grid.few) {
         static_assert(GREY_VERTEX_LIGHTS == 4);
         const Float8x4 lights = on.few(values);
-        const auto lit = [&](int n, Float8 light) { return (shadow & grid.bits[n]) != 0 ? none : light; };
+        const auto lit = [&](int n, Float8 light) { return (shadow & grid.bits[1 + n]) != 0 ? none : light; };
         const Float8 sum = lights.a + lit(0, lights.b) + lit(1, lights.c) + lit(2, lights.d);
         return { sum, sum, sum };
     }
-    if (grid.grey) {
-        Float8 sum = on.shown(values);
+    const auto channel = [&](const float* own) {
+        Float8 sum = on.shown(own);
         for (int n = 0; n < casting; ++n)
-            sum += (shadow & grid.bits[n]) != 0 ? none : on.shown(values + 1 + n);
-        return { sum, sum, sum };
-    }
-    Vec3x8 sum { on.shown(values), on.shown(values + 1), on.shown(values + 2) };
-    for (int n = 0; n < casting; ++n) {
-        const float* const own = values + 3 + 3 * n;
-        const Int8 dark = (shadow & grid.bits[n]) != 0;
-        sum = sum + select(dark, { none, none, none }, { on.shown(own), on.shown(own + 1), on.shown(own + 2) });
-    }
-    return sum;
+            sum += (shadow & grid.bits[1 + n]) != 0 ? none : on.shown(own + 1 + n);
+        return sum;
+    };
+    const Float8 first = channel(values);
+    if (grid.grey)
+        return { first, first, first };
+    return { first, channel(values + grid.each), channel(values + 2 * grid.each) };
 }
 
 }  // namespace warpcam

@@ -60,7 +60,7 @@ template <class Grid> WARPCAM_DEVICE float shown_at(const Grid& grid, const Grid
     return on.weight1 * values[on.first] + on.weight2 * values[on.second] + on.weight3 * values[on.third];
 }
 
-// FEW numbers that lie together, from a place that is a multiple of FEW.
+// GREY_VERTEX_LIGHTS numbers that lie together, from a place that is a multiple of as many.
 WARPCAM_DEVICE void load_few(const float* from, float* to)
 {
 #if defined(__CUDA_ARCH__)
@@ -71,45 +71,62 @@ WARPCAM_DEVICE void load_few(const float* from, float* to)
 #endif
 }
 
+// What a pixel shows of a channel, whose numbers begin at `start`, in the lights that `shadow` leaves.
+template <class Grid>
+WARPCAM_DEVICE float channel_from_corners(const Grid& grid, const GridInterpolation& on, int shadow, int start)
+{
+    float sum = shown_at(grid, on, start);
+#pragma unroll 1
+    for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
+        const float light = shown_at(grid, on, start + 1 + n);
+        sum += grid.bits[1 + n] & shadow ? 0.0f : light;
+    }
+    return sum;
+}
+
+// The same where numbers are in groups.
+template <class Grid>
+WARPCAM_DEVICE float channel_from_groups(const Grid& grid, const GridInterpolation& on, int shadow, int start)
+{
+    float sum = 0.0f;
+#pragma unroll 1
+    for (int group = 0; group < grid.grouped_channel(); group += GREY_VERTEX_LIGHTS) {
+        alignas(16) float first[GREY_VERTEX_LIGHTS], second[GREY_VERTEX_LIGHTS], third[GREY_VERTEX_LIGHTS];
+        const float* values = grid.values + start + group;
+        load_few(values + on.first, first);
+        load_few(values + on.second, second);
+        load_few(values + on.third, third);
+#pragma unroll
+        for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n) {
+            const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
+            if (n == 0 && group == 0) {
+                sum = light;
+                continue;
+            }
+#if defined(__CUDA_ARCH__)
+            sum -= grid.bits[group + n] & shadow ? light : 0.0f;
+#else
+            sum += grid.bits[group + n] & shadow ? 0.0f : light;
+#endif
+        }
+    }
+    return max(sum, 0.0f);  // what is left of a sum may be less by its rounding
+}
+
 // Colour of a pixel in the lights that `shadow` leaves.
 template <class Grid> WARPCAM_DEVICE Vec3 light_from_corners(const Grid& grid, const GridInterpolation& on, int shadow)
 {
-    if (Grid::SHADOWS && grid.few) {
-        alignas(16) float first[GREY_VERTEX_LIGHTS], second[GREY_VERTEX_LIGHTS], third[GREY_VERTEX_LIGHTS];
-        load_few(grid.values + on.first, first);
-        load_few(grid.values + on.second, second);
-        load_few(grid.values + on.third, third);
-        float sum = on.weight1 * first[0] + on.weight2 * second[0] + on.weight3 * third[0];
-#pragma unroll
-        for (int n = 1; n < GREY_VERTEX_LIGHTS; ++n) {
-            const float light = on.weight1 * first[n] + on.weight2 * second[n] + on.weight3 * third[n];
+    const auto grouped = [&](int start) { return channel_from_groups(grid, on, shadow, start); };
+    const auto single = [&](int start) { return channel_from_corners(grid, on, shadow, start); };
 #if defined(__CUDA_ARCH__)
-            sum -= grid.bits[n - 1] & shadow ? light : 0.0f;
-#else
-            sum += grid.bits[n - 1] & shadow ? 0.0f : light;
+    if constexpr (Grid::SHADOWS && Grid::GENERAL)
+        return grid.by_channel(grouped);
 #endif
-        }
-        sum = max(sum, 0.0f);  // what is left of a sum may be less by its rounding
-        return { sum, sum, sum };
+    if (Grid::SHADOWS && grid.few) {  // grey
+        const float light = grouped(0);
+        return { light, light, light };
     }
-    if (grid.grey) {
-        float sum = shown_at(grid, on, 0);
-#pragma unroll 1
-        for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n) {
-            const float light = shown_at(grid, on, 1 + n);
-            sum += grid.bits[n] & shadow ? 0.0f : light;
-        }
-        return { sum, sum, sum };
-    }
-    Vec3 sum { shown_at(grid, on, 0), shown_at(grid, on, 1), shown_at(grid, on, 2) };
-#pragma unroll 1
-    for (int n = 0; Grid::SHADOWS && n < grid.casting; ++n)
-        if (!(grid.bits[n] & shadow)) {
-            const int value = 3 + 3 * n;
-            sum =
-                sum + Vec3 { shown_at(grid, on, value), shown_at(grid, on, value + 1), shown_at(grid, on, value + 2) };
-        }
-    return sum;
+    return grid.by_channel(single);
 }
 
 // Shades a pixel of the plane from its cached vertices; returns false if they do not cover the pixel. `found` is the

@@ -3,9 +3,8 @@
 // A floor fills images, and few of its cells do: see shading/gouraud.h. What a corner shows in each light that casts
 // shadows, and in all others together, is kept; a pixel adds up what three corners show in the lights that reach it.
 #pragma once
-#include "output/hit_attributes.h"
 #include "shading/fixed_function.h"
-#include "texture/sampler.h"
+#include "shading/floor_view.h"
 
 namespace warpcam {
 
@@ -17,10 +16,10 @@ constexpr int VERTEX_GRID_BYTES = 30720;
 constexpr int VERTEX_GRID_BYTES = 44032;
 #endif
 
-// Numbers that a block keeps, for its pixels and the bytes that are left to it.
+// Numbers that a block keeps, for its pixels and the bytes that are left to it: no more than pixels in small regions.
 constexpr int corner_room(int pixels, int bytes)
 {
-    const int most = pixels < 4096 ? pixels : 4096, room = bytes / int(sizeof(float));
+    const int most = pixels < 3072 ? pixels : 4096, room = bytes / int(sizeof(float));
     return room < 256 ? 0 : room < most ? room : most;
 }
 
@@ -31,7 +30,12 @@ struct CellAxis {
 
     template <class Number> WARPCAM_DEVICE Number at(Number x) const
     {
-        const Number cell = rate * x + start, least = low, most = high;
+        const Number cell = rate * x + start;
+        return stretched(cell);
+    }
+    template <class Number> WARPCAM_DEVICE Number stretched(Number cell) const
+    {
+        const Number least = low, most = high;
         return cell + stretch * (cell - clamp(cell, least, most));
     }
 };
@@ -52,47 +56,49 @@ WARPCAM_DEVICE float corner_of(const GridAxis& cells, float i)
     return cells.rest < 0.0f ? x : clamp(x, cells.start - cells.rest, cells.rest - cells.start);
 }
 
-constexpr int MAX_LEVELS = 16;
-
-// A plane as one view sees it: what its pixels need beside light.
-struct FloorView {
-    Float3Int axis_x, axis_y, axis_z;  // as in Pose
-    Float3Int place;                   // on the texture: u is x * local.x + z, v is y * local.y + w (a float's bits)
-    // Steps on the texture from pixel to pixel, to the right and down, at depth 1 [texels]: for a ray of direction r,
-    // that of u is x - y * r.x / r.z, that of v z - w * r.y / r.z (w: a float's bits).
-    Float3Int right, down;
-    // Mip levels of the texture: width, height and start (bits of floats); w: start of the next. With a mip atlas all
-    // are floats, the last two the level's left and top there.
-    Float3Int levels[MAX_LEVELS + 1];  // in an atlas the last of them twice
-    unsigned long long atlas;  // see Textures.atlases; 0: none
-    int count;  // of levels
-    int plain;  // 1: it has a texture of one image, or none
-};
-
 constexpr int GREY_VERTEX_LIGHTS = 4;  // numbers that are loaded at once
 
-// The corners that are kept are a rectangle of columns and rows. One keeps `stride` numbers: what it shows in the
-// lights that cast no shadow, and then in each that does; one number where all of that is grey, else three. Where these
-// are few there are FEW of them, the last ones 0, and on CUDA the first is what it shows in all lights.
-template <int ROOM_, bool SHADOWS_> struct LitVertexGrid {
+// Numbers of so many lights that cast shadows and of all others together, in whole groups.
+constexpr int grouped(int casting) { return (casting / GREY_VERTEX_LIGHTS + 1) * GREY_VERTEX_LIGHTS; }
+
+// The corners that are kept are a rectangle of columns and rows. One keeps `each` numbers of one channel, if all of it
+// is grey, else of three: what it shows in the lights that cast no shadow, and then in each that does. Where these are
+// in groups, `each` is a multiple of GREY_VERTEX_LIGHTS, the last ones are 0, and on CUDA the first is what it shows in
+// all lights: for few grey lights, and on CUDA for all if GENERAL.
+template <int ROOM_, bool SHADOWS_, bool GENERAL_> struct LitVertexGrid {
     static constexpr int SIZE = ROOM_;
-    static constexpr bool SHADOWS = SHADOWS_, LIT = true;
+    static constexpr bool SHADOWS = SHADOWS_, GENERAL = GENERAL_, LIT = true;
 
     alignas(16) float values[SIZE > 0 ? SIZE : 1];
-    alignas(16) int bits[MAX_LIGHTS];  // of shadow masks, of the lights that cast shadows
+    alignas(16) int bits[grouped(MAX_LIGHTS)];  // of shadow masks, for the numbers of a channel; 0 for the first
     FloorView view;
     CellAxis u, v;
     int first_u, first_v;
-    int columns, rows, stride;
+    int columns, rows;
+    int each, stride;  // numbers of a channel, and of all
     int shape;  // the plane, or -1 where nothing is kept
     int grey;
     int casting;  // lights that cast shadows
-    int few;  // 1: a corner keeps FEW numbers
+    int few;  // 1: numbers are in groups, if there are shadows
+
+    // Numbers that are in groups, of a channel and of all.
+    WARPCAM_DEVICE int grouped_channel() const { return GENERAL ? each : GREY_VERTEX_LIGHTS; }
+    WARPCAM_DEVICE int all_grouped() const { return GENERAL ? stride : GREY_VERTEX_LIGHTS; }
+
+    // Three channels, or three times one if all is grey; `channel` tells what begins at a number. Small, not unrolled.
+    template <class Channel> WARPCAM_DEVICE Vec3 by_channel(const Channel& channel) const
+    {
+        Vec3 light { 0.0f, 0.0f, 0.0f };
+#pragma unroll 1
+        for (int start = 0; start < stride; start += each)
+            light = { light.y, light.z, channel(start) };
+        return grey ? Vec3 { light.z, light.z, light.z } : light;
+    }
 };
 
 // The lights of a world with the corners that they light.
-template <int SIZE, bool SHADOWS> struct LitCorners : LightList {
-    LitVertexGrid<SIZE, SHADOWS> grid;
+template <int SIZE, bool SHADOWS, bool GENERAL> struct LitCorners : LightList {
+    LitVertexGrid<SIZE, SHADOWS, GENERAL> grid;
 };
 
 // Grid of a plane that no light falls on: its colour is its texture.
@@ -111,7 +117,7 @@ struct BareFloor : LightList {
 template <class List> struct HasCorners {
     static constexpr bool VALUE = false;
 };
-template <int SIZE, bool SHADOWS> struct HasCorners<LitCorners<SIZE, SHADOWS>> {
+template <int SIZE, bool SHADOWS, bool GENERAL> struct HasCorners<LitCorners<SIZE, SHADOWS, GENERAL>> {
     static constexpr bool VALUE = SIZE > 0;
 };
 
@@ -145,13 +151,14 @@ WARPCAM_DEVICE float team_sum(float value)
 constexpr int SAMPLE_COLUMNS = 8, SAMPLE_ROWS = 16;
 
 // Chooses which corners of a plane are kept: those around what a region shows of it, and where there is no room for
-// these around what is near. A team calls it. `atlas`: of the plane's texture, see Textures.atlases; 0: none.
+// these around what is near. A team calls it. `plane`: its id, or -1; `atlas`: of its texture, see Textures.atlases; 0:
+// none.
 template <int LENS, class Grid, class Appearances, class Frame>
 WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appearances& look, const Camera& camera,
-                                   const Region& region, const Frame& frame, unsigned long long atlas, bool mirrored,
-                                   int lane)
+                                   const Region& region, const Frame& frame, int plane, unsigned long long atlas,
+                                   bool mirrored, int lane)
 {
-    if (frame.plane < 0 || look.cells.u.step == 0.0f) {
+    if (plane < 0 || look.cells.u.step == 0.0f) {
         if (lane == 0)
             grid.shape = -1;
         return;
@@ -161,13 +168,17 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
     const ShapeFromCamera& pose = look.pose;
     const Vec3 eye = pose.eye();
     float u[EACH], v[EACH], depth[EACH];
-    int stride = 1, casting = 0;
+    int casting = 0;
     const bool grey = !list.colored && look.material.color.x == look.material.color.y
                       && look.material.color.x == look.material.color.z;
     for (int n = 0; n < list.count; ++n)
         casting += Grid::SHADOWS && (list.lights[n].ambient.w & CASTS) ? 1 : 0;
+#if defined(__CUDA_ARCH__)
+    const bool few = Grid::SHADOWS && (Grid::GENERAL || (grey && casting < GREY_VERTEX_LIGHTS));
+#else
     const bool few = grey && casting > 0 && casting < GREY_VERTEX_LIGHTS;
-    stride = few ? GREY_VERTEX_LIGHTS : (1 + casting) * (grey ? 1 : 3);
+#endif
+    const int each = few ? grouped(casting) : 1 + casting, stride = each * (grey ? 1 : 3);
     for (int k = 0; k < EACH; ++k) {
         const int sample = lane + k * WARP_OR_ONE;
         const float i =
@@ -210,7 +221,7 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         if (!(far > 0.0f) || seen < 0.6f * all)  // too little is near to be worth it
             break;
         if (columns * rows * float(stride) <= float(Grid::SIZE) && abs(left) < 1.0e6f && abs(bottom) < 1.0e6f) {
-            kept = frame.plane;
+            kept = plane;
             if (lane == 0) {
                 grid.first_u = int(left);
                 grid.first_v = int(bottom);
@@ -232,37 +243,38 @@ WARPCAM_DEVICE void choose_corners(Grid& grid, const LightList& list, const Appe
         return;
     grid.u = u_axis;
     grid.v = v_axis;
+    grid.each = each;
     grid.stride = stride;
     grid.shape = kept;
     view_floor(grid.view, look, camera);
     grid.grey = grey;
     grid.few = few;
     grid.casting = 0;
-    for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n)
+    for (int n = 0; n < grouped(MAX_LIGHTS); ++n)
         grid.bits[n] = 0;
     for (int n = 0; n < list.count; ++n)
         if (Grid::SHADOWS && (list.lights[n].ambient.w & CASTS))
-            grid.bits[grid.casting++] = list.lights[n].place.w;
+            grid.bits[++grid.casting] = list.lights[n].place.w;
 }
 
-WARPCAM_DEVICE void keep(float* values, Vec3 color, float) { values[0] = color.x; }
-WARPCAM_DEVICE void keep(float* values, Vec3 color, Vec3)
+WARPCAM_DEVICE void keep(float* values, int, Vec3 color, float) { values[0] = color.x; }
+WARPCAM_DEVICE void keep(float* values, int each, Vec3 color, Vec3)
 {
     values[0] = color.x;
-    values[1] = color.y;
-    values[2] = color.z;
+    values[each] = color.y;
+    values[2 * each] = color.z;
 }
 
-// Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3.
+// Light of one vertex, display-encoded if DISPLAYED. Sum: float if all of it is grey, else Vec3, whose channels are
+// `each` numbers apart.
 template <class Sum, bool SHADOWS, bool DISPLAYED>
 WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal, const ResolvedMaterial& material,
-                                 float* values)
+                                 int each, float* values)
 {
-    constexpr int CHANNELS = sizeof(Sum) / sizeof(float);
     const LightingVertex corner = vertex_at(place, normal);
     const auto shown = [](Vec3 color) { return DISPLAYED ? clip(color) : color; };
     LightSum<Sum> steady {};
-    int slot = CHANNELS;
+    int slot = 1;
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const Light& light = list.lights[n];
@@ -280,13 +292,12 @@ WARPCAM_DEVICE void light_corner(const LightList& list, Vec3 place, Vec3 normal,
         if (SHADOWS && (light.ambient.w & CASTS)) {
             LightSum<Sum> own {};
             add_share(own, share, light);
-            keep(values + slot, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
-            slot += CHANNELS;
+            keep(values + slot++, each, shown(reflected<Vec3>(own, of_casting(material))), Sum {});
         } else {
             add_share(steady, share, light);
         }
     }
-    keep(values, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
+    keep(values, each, shown(reflected<Vec3>(steady, always_on(list, material), material)), Sum {});
 }
 
 // Lights the corners that are kept; the threads of a block share them.
@@ -303,64 +314,22 @@ WARPCAM_DEVICE void light_corners(Grid& grid, const LightList& list, const Appea
                                             corner_of(look.cells.v, float(grid.first_v + row)) - eye.y, -eye.z });
         float* values = grid.values + i * grid.stride;
         if (grid.grey)
-            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
-        if (grid.few) {
-            for (int n = 1 + grid.casting; n < GREY_VERTEX_LIGHTS; ++n)
-                values[n] = 0.0f;
-            for (int n = 1; n < GREY_VERTEX_LIGHTS; ++n)
-                values[0] += values[n];
-        }
-        if (!grid.grey)
-            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, values);
-    }
-}
-
-template <class Appearances>
-WARPCAM_DEVICE void list_levels(FloorView& view, const Appearances& look, unsigned long long atlas, int lane)
-{
-    if constexpr (Appearances::TEXTURED) {
-        const Image& image = look.layout.image;
-        if (lane == 0)
-            view.atlas = atlas;
-        for (int i = lane; i < min(image.levels, MAX_LEVELS) + 1; i += WARP_OR_ONE) {
-            const Level level = Level { image.start, image.width, image.height }.after(i, 1);
-            if (atlas) {
-                view.levels[i] = level_in_atlas(image, min(i, image.levels - 1));
-                continue;
-            }
-            view.levels[i] = { as_float(level.width), as_float(level.height), as_float(level.start),
-                               level.next(1).start };
+            light_corner<float, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
+        else
+            light_corner<Vec3, Grid::SHADOWS, DISPLAYED>(list, place, normal, look.material, grid.each, values);
+        if (!Grid::SHADOWS || !(Grid::GENERAL || grid.few))
+            continue;
+        const int each = grid.grouped_channel();
+        for (int start = 0; start < grid.all_grouped(); start += each) {
+            for (int n = 1 + grid.casting; n < each; ++n)
+                values[start + n] = 0.0f;
+            for (int n = 1; n < each; ++n)
+                values[start] += values[start + n];
         }
     }
 }
 
-template <class Appearances>
-WARPCAM_DEVICE void view_floor(FloorView& view, const Appearances& look, const Camera& camera)
-{
-    const ShapeFromCamera& pose = look.pose;
-    view.axis_x = pose.axis_x;
-    view.axis_y = pose.axis_y;
-    view.axis_z = pose.axis_z;
-    view.count = 0;
-    view.plain = 1;
-    if constexpr (Appearances::TEXTURED) {
-        const TextureLayout& layout = look.layout;
-        const float rate_u = layout.repeat[0], rate_v = layout.repeat[1];
-        const float u = rate_u * float(layout.image.width), v = rate_v * float(layout.image.height);
-        const float a = camera.scale_x, b = -camera.scale_y;
-        float start_u = layout.start[0], start_v = layout.start[1];
-        shift(look, start_u, start_v);
-        view.place = { rate_u, rate_v, start_u, as_int(start_v) };
-        view.right = { a * u * pose.axis_x.x, a * u * pose.axis_z.x, a * v * pose.axis_y.x,
-                       as_int(a * v * pose.axis_z.x) };
-        view.down = { b * u * pose.axis_x.y, b * u * pose.axis_z.y, b * v * pose.axis_y.y,
-                      as_int(b * v * pose.axis_z.y) };
-        view.count = layout.image.levels;
-        view.plain = !(layout.image.levels > 0 && layout.cube) && layout.image.levels <= MAX_LEVELS;
-    }
-}
-
-// A team calls it. `atlas` as above.
+// A team calls it. `atlas`: of the plane's texture, see Textures.atlases; 0: none.
 template <class Appearances> WARPCAM_DEVICE void see_floor(BareGrid& grid, const Appearances& look,
                                                            const Camera& camera, int plane, unsigned long long atlas,
                                                            int lane)

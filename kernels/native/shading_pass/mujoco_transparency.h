@@ -199,10 +199,11 @@ struct MujocoBlend {
 };
 
 // Covers a pixel's colour. `solid` is the depth of what is solid there, negative where nothing is to be covered.
+// ONE_TILE: the pixels of a warp are those of a tile.
 // `column` and `row` are the tile's in the list's region. shade(met, hit, linear, display) says the colour of a layer
 // and returns which part of its shape's opacity it has; the whole warp comes there together, and those who have not met
 // it do not look at what they get. note(hit, opacity) is told of each layer that is met.
-template <class Types, class TransparentShapes_, class RayOf, class Scene_, class Shade, class Note>
+template <class Types, bool ONE_TILE, class TransparentShapes_, class RayOf, class Scene_, class Shade, class Note>
 WARPCAM_DEVICE void cover(const TransparentShapes_& transparent_shapes, const Scene_& scene, const RayOf& ray,
                           float near, float solid, int column, int row, const Shade& shade, const Note& note,
                           MujocoBlend& covered)
@@ -229,19 +230,23 @@ WARPCAM_DEVICE void cover(const TransparentShapes_& transparent_shapes, const Sc
             to = met ? limit : -1.0f;
         }
     };
+    const auto touched = [&](int rank) {
+        return touches(transparent_shapes.touched[transparent_shapes.order[rank]], column, row);
+    };
 #if defined(__CUDA_ARCH__)
-    for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
-        const int rank = begin + threadIdx.x % WARP_SIZE;
-        const bool mine = rank < transparent_shapes.count
-                          && touches(transparent_shapes.touched[transparent_shapes.order[rank]], column, row);
-        for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1)
-            draw(begin + ctz(mask));
+    if constexpr (ONE_TILE) {
+        for (int begin = 0; begin < transparent_shapes.count; begin += WARP_SIZE) {
+            const int rank = begin + threadIdx.x % WARP_SIZE;
+            const bool mine = rank < transparent_shapes.count && touched(rank);
+            for (unsigned mask = __ballot_sync(FULL_WARP, mine); mask; mask &= mask - 1)
+                draw(begin + ctz(mask));
+        }
+        return;
     }
-#else
-    for (int rank = 0; rank < transparent_shapes.count; ++rank)
-        if (touches(transparent_shapes.touched[transparent_shapes.order[rank]], column, row))
-            draw(rank);
 #endif
+    for (int rank = 0; rank < transparent_shapes.count; ++rank)
+        if (warp_any(touched(rank)))
+            draw(rank);
 }
 
 }  // namespace warpcam

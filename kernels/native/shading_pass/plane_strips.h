@@ -1,8 +1,9 @@
 // A floor that is lit by its corners, drawn apart from what stands on it: a lane draws four pixels beside each other,
 // so that what a strip of 128 takes, its numbers and its stores are paid once for four tiles.
 #pragma once
-#include "shading/plane_shading.h"
+#include "shading_pass/covered_tiles.h"
 #include "shading_pass/store_quads.h"
+#include "shading_pass/strip_lighting.h"
 #include "traversal/trace_tile.h"
 
 namespace warpcam {
@@ -41,11 +42,14 @@ struct StripPlan {
     unsigned long long image;  // its texture: a mipmapped one, or an atlas
     unsigned bias;    // of a corner's number
     int plain;        // 1: pixels can be drawn by all of this
+    int simple;  // 1: light is grey, a corner keeps as few numbers as may be, all cells are equal, no exposure; if all
+    // that is `plain` is not
+    Vec3 gain;  // the camera's exposure
     int count, next;  // of pixels that are left; of 32 of them the next that no warp has
 };
 
-template <class Grid>
-WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera, unsigned long long image)
+template <class Grid> WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera& camera,
+                                                      unsigned long long image, Vec3 gain)
 {
     const FloorView& view = grid.view;
     plan.image = image;
@@ -55,7 +59,11 @@ WARPCAM_DEVICE void plan_strips(StripPlan& plan, const Grid& grid, const Camera&
     if constexpr (Grid::LIT) {
         cells_u = grid.u;
         cells_v = grid.v;
-        plan.plain &= (Grid::SHADOWS ? grid.few : grid.grey) && cells_u.stretch == 0.0f && cells_v.stretch == 0.0f;
+        plan.gain = gain;
+        plan.simple = grid.grey && grid.each == (Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1) && cells_u.stretch == 0.0f
+                      && cells_v.stretch == 0.0f && gain.x == 1.0f && gain.y == 1.0f && gain.z == 1.0f;
+        if (!Grid::GENERAL)
+            plan.plain &= plan.simple;
         plan.columns = float(grid.columns) - 1.0001f;
         plan.rows = float(grid.rows) - 1.0001f;
         plan.bias = unsigned(as_int(WHOLE_NUMBERS)) * unsigned(grid.columns + 1);
@@ -109,41 +117,6 @@ WARPCAM_DEVICE StripColumn strip_column(const StripPlan& plan, float column)
     return own;
 }
 
-// Light of a pixel at (u, v) among the vertices: of the lights that `shadow` leaves if SHADED, else of all.
-template <bool SHADED, class Grid>
-WARPCAM_DEVICE float light_at(const StripPlan& plan, const Grid& grid, float u, float v, unsigned shadow)
-{
-    constexpr int STRIDE = Grid::SHADOWS ? GREY_VERTEX_LIGHTS : 1;
-    const float base_u = __fadd_rd(u, WHOLE_NUMBERS), base_v = __fadd_rd(v, WHOLE_NUMBERS);
-    const float a = u - (base_u - WHOLE_NUMBERS), b = v - (base_v - WHOLE_NUMBERS);
-    const bool high = a > 1.0f - b;
-    const float second = high ? 1.0f - b : a, third = high ? 1.0f - a : b;
-    const unsigned corner = unsigned(as_int(base_v)) * unsigned(grid.columns) + unsigned(as_int(base_u)) - plan.bias;
-    const float* values = grid.values + int(corner) * STRIDE;
-    const float* at_first = values + (high ? (grid.columns + 1) * STRIDE : 0);
-    const float* at_second = values + STRIDE;
-    const float* at_third = values + grid.columns * STRIDE;
-    if constexpr (SHADED) {
-        alignas(16) float one[GREY_VERTEX_LIGHTS], two[GREY_VERTEX_LIGHTS], three[GREY_VERTEX_LIGHTS];
-        load_few(at_first, one);
-        load_few(at_second, two);
-        load_few(at_third, three);
-        float light;
-#pragma unroll
-        for (int n = 0; n < GREY_VERTEX_LIGHTS; ++n) {
-            const float own_light = one[n] + second * (two[n] - one[n]) + third * (three[n] - one[n]);
-            if (n == 0)
-                light = own_light;
-            else
-                light -= grid.bits[n - 1] & shadow ? own_light : 0.0f;
-        }
-        return light;
-    } else {
-        const float one = *at_first;
-        return one + second * (*at_second - one) + third * (*at_third - one);
-    }
-}
-
 // Draws four pixels of the plane. `shadows`: the lights that do not reach them, a byte each, if SHADED. False if what
 // is kept does not reach as far.
 template <bool TEXTURED, bool MIPS, bool SHADED, int IMAGES, class Grid>
@@ -164,9 +137,17 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
     // Tolerance in rounding: a point between two pixels that the vertices cover is covered, too.
     constexpr float SLACK = 1.0e-5f;
     bool within = min(rate[0], rate[3]) > 0.0f;
-    if constexpr (Grid::LIT)
-        within = within & (min(u[0], u[3]) >= SLACK) & (max(u[0], u[3]) < plan.columns) & (min(v[0], v[3]) >= SLACK)
-                 & (max(v[0], v[3]) < plan.rows);
+    if constexpr (Grid::LIT) {
+        float u0 = u[0], u3 = u[3], v0 = v[0], v3 = v[3];
+        if (Grid::GENERAL && !plan.simple) {
+            u0 = grid.u.stretched(u0);
+            u3 = grid.u.stretched(u3);
+            v0 = grid.v.stretched(v0);
+            v3 = grid.v.stretched(v3);
+        }
+        within = within & (min(u0, u3) >= SLACK) & (max(u0, u3) < plan.columns) & (min(v0, v3) >= SLACK)
+                 & (max(v0, v3) < plan.rows);
+    }
     if (!within)
         return false;
     const float right = TEXTURED ? step_size(plan.right, row) : 0.0f;
@@ -185,12 +166,27 @@ WARPCAM_DEVICE bool draw_quad(const StripPlan& plan, const Grid& grid, const Str
             color = sample_atlas(plan.image, view.levels[level], view.levels[level + 1], texture.x * u[k] + texture.y,
                                  texture.z * v[k] + as_float(texture.w), detail - (base - WHOLE_NUMBERS));
         }
-        if constexpr (Grid::LIT) {
-            const float light = light_at<SHADED>(plan, grid, u[k], v[k], shadows >> 8 * k);
-            // Rounding can leave a sum below zero; conversion to bytes clips.
-            colors[k] = (SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light) * color;
-        } else {
+        if constexpr (Grid::LIT)
+            colors[k] = color;
+        else
             colors[k] = mul(grid.color, color);
+    }
+    if constexpr (Grid::LIT) {
+        // Rounding can leave a sum below zero; conversion to bytes clips.
+        const auto at_least_none = [](float light) { return SHADED && (IMAGES & HDR) ? max(light, 0.0f) : light; };
+        if (!Grid::GENERAL || plan.simple) {
+#pragma unroll
+            for (int k = 0; k < QUAD; ++k)
+                colors[k] = at_least_none(light_at<SHADED>(grid, plan.bias, u[k], v[k], shadows >> 8 * k)) * colors[k];
+        } else {
+#pragma unroll
+            for (int k = 0; k < QUAD; ++k) {
+                const Vec3 light =
+                    color_at<SHADED>(grid, plan.bias, grid.u.stretched(u[k]), grid.v.stretched(v[k]), shadows >> 8 * k);
+                colors[k] =
+                    mul(mul({ at_least_none(light.x), at_least_none(light.y), at_least_none(light.z) }, plan.gain),
+                        colors[k]);
+            }
         }
     }
     quad.fill(colors);
@@ -209,32 +205,45 @@ template <int BYTES> WARPCAM_DEVICE unsigned showing(const AlignedArray<unsigned
 }
 
 // Draws what a warp's strips show of the plane. Returns which of a lane's pixels are left, four bits a strip. MIPS: its
-// texture is a mipmapped one, else in an atlas.
-template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_>
-WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Frame_& frame, const Images_& images,
-                                    const Region& region, unsigned corner, int warp, int lane, float* row_of_lanes)
+// texture is a mipmapped one, else in an atlas. WHOLE: all of the region is in the image; all or none of a lane's four
+// pixels are. Pixels of `covered` tiles are left.
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Covered,
+          class Frame_, class Images_>
+WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, const Covered& covered,
+                                    const Frame_& frame, const Images_& images, const Region& region, unsigned corner,
+                                    int warp, int lane, float* row_of_lanes)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const int column = Own::column(warp, lane);
     const StripColumn own = strip_column(plan, float(region.left + column));
     const unsigned first = corner + unsigned(Own::row(warp, lane, 0) * frame.width + column);
     const unsigned step = unsigned(Own::row(0, 0, 1) * frame.width);
-    const auto shadows_at = [&](unsigned at) {
-        return Grid::SHADOWS ? *reinterpret_cast<const unsigned*>(frame.shadow.data + at) : 0u;
+    // Of the image, from the warp's first pixel on.
+    const int columns = frame.width - region.left - Own::column(warp, 0);
+    const int rows = frame.height - region.top - Own::row(warp, 0, 0);
+    const int own_rows = lane % TILE_WIDTH * QUAD < columns ? rows - lane / TILE_WIDTH : 0;
+    const auto inside = [&](int strip) { return WHOLE || Own::row(0, 0, strip) < own_rows; };
+    AlignedArray<unsigned, sizeof(*frame.shape.data)> ids {};
+    unsigned dark = 0u, left = 0u;
+    const auto ask_for = [&](int strip) {
+        if (!inside(strip))
+            return;
+        const unsigned at = first + unsigned(strip) * step;
+        ids = load4(frame.shape.data + at);
+        if (Grid::SHADOWS)
+            dark = *reinterpret_cast<const unsigned*>(frame.shadow.data + at);
     };
     // Twelve bytes of each lane, stored by sixteen.
     const int piece_row = lane / 6, piece = lane % 6;
     const unsigned highest = corner + unsigned(Own::row(warp, 0, 0) * frame.width + Own::column(warp, 0));
     const unsigned stored = highest + unsigned(piece_row * frame.width);
-    auto ids = load4(frame.shape.data + first);
-    unsigned dark = shadows_at(first), left = 0;
+    ask_for(0);
 #pragma unroll 1
     for (int strip = 0; strip < Own::EACH; ++strip) {
-        const unsigned on = showing(ids, grid.shape), shadow = dark;
-        if (strip + 1 < Own::EACH) {  // ask for the next strip's pixels before this one's are drawn
-            ids = load4(frame.shape.data + (first + unsigned(strip + 1) * step));
-            dark = shadows_at(first + unsigned(strip + 1) * step);
-        }
+        const unsigned all = inside(strip) ? 15u : 0u, shadow = dark;
+        const unsigned on = covered.has(column, Own::row(warp, lane, strip)) ? 0u : showing(ids, grid.shape) & all;
+        if (strip + 1 < Own::EACH)  // ask for the next strip's pixels before this one's are drawn
+            ask_for(strip + 1);
         const float row = float(region.top + Own::row(warp, lane, strip));
         Quad<IMAGES> quad {};
         bool drawn = false;
@@ -244,11 +253,12 @@ WARPCAM_DEVICE unsigned draw_strips(const StripPlan& plan, const Grid& grid, con
         } else if (on) {
             drawn = draw_quad<TEXTURED, MIPS, false>(plan, grid, own, row, 0u, quad);
         }
-        left |= (drawn ? ~on & 15u : 15u) << 4 * strip;
+        left |= (drawn ? ~on & all : all) << 4 * strip;
         if (warp_any(drawn)) {
             const unsigned down = unsigned(strip) * step;
-            store_quads(images, quad, drawn, first + down, stored + down, piece, highest + down, frame.width, lane,
-                        row_of_lanes);
+            const ImagePart part { columns, rows - Own::row(0, 0, strip) };
+            store_quads<WHOLE>(images, quad, drawn, first + down, stored + down, piece, highest + down, part,
+                               frame.width, lane, row_of_lanes);
         }
     }
     return left;
@@ -283,11 +293,11 @@ template <int EACH> WARPCAM_DEVICE void list_pixels(unsigned short* list, int& c
 
 // Draws a region: the plane by strips, then what they leave, 32 pixels at once, with `draw`. `list`: room for all of
 // them, which may be that of the grid's values.
-template <bool TEXTURED, bool MIPS, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Frame_, class Images_,
-          class Draw>
-WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Frame_& frame,
-                                   const Images_& images, const Region& region, unsigned first, int warp, Pixel& pixel,
-                                   const Draw& draw)
+template <bool TEXTURED, bool MIPS, bool WHOLE, int IMAGES, int WIDTH, int HEIGHT, class Grid, class Covered,
+          class Frame_, class Images_, class Draw>
+WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& grid, const Covered& covered,
+                                   const Frame_& frame, const Images_& images, const Region& region, unsigned first,
+                                   int warp, Pixel& pixel, const Draw& draw)
 {
     using Own = Strips<WIDTH, HEIGHT>;
     const bool plain = plan.plain;
@@ -295,10 +305,10 @@ WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& 
         const unsigned corner = first + unsigned(region.top * frame.width + region.left);
         const unsigned left =
             TEXTURED && grid.view.count > 0
-                ? draw_strips<TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
-                                                                     pixel.lane, pixel.row_of_lanes)
-                : draw_strips<false, false, IMAGES, WIDTH, HEIGHT>(plan, grid, frame, images, region, corner, warp,
-                                                                   pixel.lane, pixel.row_of_lanes);
+                ? draw_strips<TEXTURED, MIPS, WHOLE, IMAGES, WIDTH, HEIGHT>(
+                      plan, grid, covered, frame, images, region, corner, warp, pixel.lane, pixel.row_of_lanes)
+                : draw_strips<false, false, WHOLE, IMAGES, WIDTH, HEIGHT>(plan, grid, covered, frame, images, region,
+                                                                          corner, warp, pixel.lane, pixel.row_of_lanes);
         block_sync();  // what is stored may be stored again, and no corner is asked for any more
         if (threadIdx.x == 0)
             grid.shape = -1;
@@ -326,6 +336,11 @@ WARPCAM_DEVICE void draw_by_strips(StripPlan& plan, unsigned short* list, Grid& 
         pixel.column = region.left + column;
         pixel.row = region.top + row;
         pixel.at = first + pixel.row * frame.width + pixel.column;
+        if constexpr (!WHOLE) {
+            pixel.inside = pixel.column < frame.width && pixel.row < frame.height;
+            if (!warp_any(pixel.inside))
+                continue;
+        }
         draw(pixel);
     }
 }

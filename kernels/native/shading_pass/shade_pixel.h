@@ -108,8 +108,8 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
                     && wp::index(scene.shapes.types, hit.shape) != PLANE)
                     first = hit;
         };
-        cover<Types>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f, column, row, shade, note,
-                     covered);
+        cover<Types, (FLAGS & PLANE_STRIPS) == 0>(transparent_shapes, scene, ray, near, takes_part ? limit : -1.0f,
+                                                  column, row, shade, note, covered);
         if constexpr ((FLAGS & WRITE_BACK_TRANSPARENT) != 0)
             if (first.shape >= 0) {
                 scene.frame.shape.data[pixel.at] = first.shape;
@@ -145,10 +145,10 @@ WARPCAM_DEVICE void show_background(const List& lights, const Scene_& scene, con
 // `shaded`: what the pixel shows, a ShadedPixel, where that is known.
 template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_,
           class TransparentShapes_, class Camera_, class... Shaded_>
-WARPCAM_DEVICE void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
-                                  const Camera_& camera, const TransparentShapes_& transparent_shapes,
-                                  const Region& region, int world, const Pixel& pixel, PixelHit found,
-                                  const Shaded_&... shaded)
+WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights, const Scene_& scene,
+                                   const Camera_& camera, const TransparentShapes_& transparent_shapes,
+                                   const Region& region, int world, const Pixel& pixel, PixelHit found,
+                                   const Shaded_&... shaded)
 {
     constexpr bool IS_SHADED = sizeof...(Shaded_) > 0;
     using Wants = ShadingNeeds<IMAGES, FLAGS>;

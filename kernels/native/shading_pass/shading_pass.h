@@ -25,9 +25,9 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     // Corners keep radiance, not display colours. Otherwise, where there is both, pixels are lit for themselves.
     constexpr bool RADIANT = IMAGES == HDR && (FLAGS & PLANE_STRIPS);
 #if defined(__CUDA_ARCH__)
-    constexpr bool CORNERED_LENS = LENS == PINHOLE;
+    constexpr bool CORNERED_LENS = LENS == PINHOLE, GENERAL = (FLAGS & GENERAL_PLANES) != 0;
 #else
-    constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS;
+    constexpr bool CORNERED_LENS = LENS != RAY_TABLE_WITH_ORIGINS, GENERAL = true;
 #endif
 #if defined(__CUDA_ARCH__)
     constexpr int GRID_BYTES = (SHARED_BYTES < VERTEX_GRID_BYTES ? SHARED_BYTES : VERTEX_GRID_BYTES)
@@ -50,16 +50,17 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     using Held = conditional_t<SOME, SeenLooks<Types, Wants, PLACES, SEEN>, Appearances>;
     constexpr int HELD = SOME ? -1 : CACHED;
     WARPCAM_SHARED Held looks[CACHED > 0 ? CACHED : 1];
-    using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS>, LightList>;
+    using Lit_ = conditional_t<(CORNERS > 0), LitCorners<CORNERS, SHADOWS, GENERAL>, LightList>;
 #if defined(__CUDA_ARCH__)
-    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS | WHOLE_REGIONS,
-                  BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_EXPOSURE;
+    constexpr int NEEDED = PLANE_STRIPS | STORE_QUADS, BARRED = MIRROR_VIEW | HAS_MIRROR | HAS_HAZE;
     constexpr bool BARE_STRIPS = IMAGES == ALBEDO && Wants::TEXTURED && Types::has(PLANE) && LENS == PINHOLE;
     constexpr bool IN_STRIPS = in_quads(IMAGES) && (FLAGS & (NEEDED | BARRED)) == NEEDED && CACHED > 0
                                && (BARE_STRIPS || lit_by_corners<Lit_>(SHADOWS)) && Strips<WIDTH, HEIGHT>::FIT;
     constexpr int OWN_FACTS = IN_STRIPS ? FLAGS & ~STORE_QUADS : FLAGS & ~PLANE_STRIPS;
     constexpr bool ROOMY = CORNERS * sizeof(float) >= WIDTH * HEIGHT * sizeof(short);
+    constexpr bool COVERED = IN_STRIPS && MAX_TRANSPARENT != 0;
     WARPCAM_SHARED optional_t<IN_STRIPS, StripPlan> plan;
+    WARPCAM_SHARED conditional_t<COVERED, CoveredTiles<WIDTH, HEIGHT>, NoCoveredTiles> covered;
     WARPCAM_SHARED unsigned short pixels_left[IN_STRIPS && !ROOMY ? WIDTH * HEIGHT : 1];
 #else
     constexpr bool IN_STRIPS = false;
@@ -104,6 +105,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                                                                  world, thread);
     }
 #if defined(__CUDA_ARCH__)
+    if constexpr (COVERED)
+        covered.gather(transparent_shapes, thread);
     if constexpr (CACHED > 0)
         for (int i = thread; i < scene.shapes.drawn.shape[0]; i += THREADS) {
             const int id = wp::index(scene.shapes.drawn, i);
@@ -135,7 +138,20 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             looks->plane = load_appearance_for<Types, Wants>(scene, camera, world, frame.plane);
 #endif
     if constexpr (ON_FLOOR) {
-        const Appearances& look = plane_look<CACHED>(looks, scene);
+        int plane = frame.plane;
+#if defined(__CUDA_ARCH__)
+        WARPCAM_SHARED optional_t<IN_STRIPS && GENERAL, int> shown_plane;
+        if constexpr (IN_STRIPS && GENERAL)
+            if (frame.planes > 1) {
+                if (thread < WARP_SIZE)
+                    plane = most_shown_plane(scene, region, first, thread);
+                if (thread == 0)
+                    shown_plane = plane;
+                block_sync();
+                plane = shown_plane;
+            }
+#endif
+        const Appearances& look = plane_look<CACHED>(looks, scene, plane);
         unsigned long long atlas = 0;
         if constexpr (Wants::USE_ATLAS)
             atlas = look.layout.atlas;
@@ -147,14 +163,15 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
                 image = wp::index(scene.textures.mips, look.material.color.w);
         if (thread < WARP_OR_ONE) {
             if constexpr (CORNERS > 0)
-                choose_corners<LENS>(list.grid, list, look, camera, region, frame, atlas, FLAGS & MIRROR_VIEW, thread);
+                choose_corners<LENS>(list.grid, list, look, camera, region, frame, plane, atlas, FLAGS & MIRROR_VIEW,
+                                     thread);
             else
-                see_floor(list.grid, look, camera, frame.plane, atlas, thread);
+                see_floor(list.grid, look, camera, plane, atlas, thread);
         }
 #if defined(__CUDA_ARCH__)
         if constexpr (IN_STRIPS)
             if (thread == 0)
-                plan_strips(plan, list.grid, camera, image);
+                plan_strips(plan, list.grid, camera, image, exposed<FLAGS>(scene, world, { 1.0f, 1.0f, 1.0f }));
 #endif
         block_sync();
         if constexpr (CORNERS > 0) {
@@ -178,8 +195,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
         unsigned short* rest = pixels_left;
         if constexpr (ROOMY)
             rest = reinterpret_cast<unsigned short*>(list.grid.values);
-        draw_by_strips<Wants::TEXTURED, MIPS, IMAGES, WIDTH, HEIGHT>(
-            plan, rest, list.grid, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
+        draw_by_strips<Wants::TEXTURED, MIPS, (FLAGS & WHOLE_REGIONS) != 0, IMAGES, WIDTH, HEIGHT>(
+            plan, rest, list.grid, covered, frame, scene.images, region, first, warp, pixel, [&](const Pixel& one) {
                 resolve_pixel<Types, LENS, HELD, IMAGES, OWN_FACTS>(looks, list, scene, shared_camera,
                                                                     transparent_shapes, region, world, one,
                                                                     find<Types, IMAGES, FLAGS>(frame, one));

@@ -61,13 +61,19 @@ template <int IMAGES> struct Quad {
     }
 };
 
+// Columns and rows of an image from a strip's first pixel on.
+struct ImagePart {
+    int columns, rows;
+};
+
 // Stores what a warp has drawn of a strip that is 32 pixels wide and a tile high; where pixels have three numbers all
-// of it. `own`: number of a lane's first pixel. Of three numbers sixteen bytes are stored by each of 24 lanes: `first`
-// is the number of the pixel that a lane's row of such begins with, `piece` the lane's place in it; `corner` that of
-// the strip.
-template <int IMAGES, class Images_>
+// of it that is in the image, WHOLE if all is. `own`: number of a lane's first pixel. Of three numbers sixteen bytes
+// are stored by each of 24 lanes: `first` is the number of the pixel that a lane's row of such begins with, `piece` the
+// lane's place in it; `corner` that of the strip. Rows of bytes that are not WHOLE may begin at any word.
+template <bool WHOLE, int IMAGES, class Images_>
 WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad, bool drawn, unsigned own,
-                                unsigned first, int piece, unsigned corner, int width, int lane, float* row_of_lanes)
+                                unsigned first, int piece, unsigned corner, const ImagePart& part, int width, int lane,
+                                float* row_of_lanes)
 {
     if constexpr ((IMAGES & RGBA) != 0)
         if (drawn)
@@ -78,9 +84,16 @@ WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad,
         for (int n = 0; n < 3; ++n)
             row_of_lanes[3 * lane + n] = as_float(int(quad.bare(n)));
         __syncwarp();
-        if (lane < 24)
-            *reinterpret_cast<float4*>(image + 3 * size_t(first) + 16 * piece) =
-                *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
+        if constexpr (WHOLE) {
+            if (lane < 24)
+                *reinterpret_cast<float4*>(image + 3 * size_t(first) + 16 * piece) =
+                    *reinterpret_cast<const float4*>(row_of_lanes + 4 * lane);
+        } else {
+            for (int word = lane; word < 3 * WARP_SIZE; word += WARP_SIZE)
+                if (const int row = word / 24, place = word % 24; row < part.rows && 4 * place < 3 * part.columns)
+                    reinterpret_cast<float*>(image + 3 * size_t(corner + unsigned(row * width)))[place] =
+                        row_of_lanes[word];
+        }
         __syncwarp();
     }
     if constexpr ((IMAGES & HDR) != 0)
@@ -89,7 +102,7 @@ WARPCAM_DEVICE void store_quads(const Images_& images, const Quad<IMAGES>& quad,
                 for (int n = 0; n < quad.WORDS; ++n)
                     row_of_lanes[quad.WORDS * (lane % TILE_WIDTH) + n] = as_float(int(quad.words[n]));
             __syncwarp();
-            if (lane < 24)
+            if (lane < 24 && (WHOLE || (row < part.rows && 4 * lane < 3 * part.columns)))
                 reinterpret_cast<float4*>(images.hdr.data + 3 * size_t(corner + unsigned(row * width)))[lane] =
                     reinterpret_cast<const float4*>(row_of_lanes)[lane];
             __syncwarp();
