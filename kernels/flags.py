@@ -92,6 +92,7 @@ class TraceFlag(IntFlag):
     OPAQUE = 1 << 20  # transparent shapes are left out
     TRACE_ALBEDO = 1 << 21  # albedo is written, too: native/shading_pass/visibility_albedo.h
     IN_VIEW = 1 << 22  # the shapes in view have been listed: native/traversal/shapes_in_view.h
+    PROJECTED_FACES = 1 << 23  # of moving meshes: native/traversal/projected_faces.h
     FLOW = 1 << 24
     FLOW_VALID = 1 << 25
     FLOW_MOVES = 1 << 26  # some meshes move

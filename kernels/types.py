@@ -88,6 +88,7 @@ class Meshes:
     bounds_max: wp.array(dtype=wp.vec3)  # (mesh,)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
+    num_faces: wp.array(dtype=wp.int32)  # (mesh,) in `faces`, as often as they stand there
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
     # children as int bits: a node's index, or -(first_face * 16 + count) - 1 for a leaf; both relative to the mesh.
     # On CUDA 4 rows: x, y, z of four children, lower bounds in the lower halves of the words and upper bounds in the
