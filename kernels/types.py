@@ -223,8 +223,9 @@ class Physical:
     # (world*, material) share of what is not reflected that goes through, as in glass; only paths of light follow it
     transmission: wp.array2d(dtype=wp.float32)
     forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above
-    # (world*, light) sphere and disk (radius, -, -); rectangle (half width, half height, -); cylinder (radius, half
-    # length, -) [m]; directional lights (squared sine of the angle from the middle to the edge, -, -)
+    # (world*, light) point (radius of its bulb, which softens shadows alone, -, -); sphere and disk (radius, -, -);
+    # rectangle (half width, half height, -); cylinder (radius, half length, -) [m]; directional lights (squared
+    # sine of the angle from the middle to the edge, -, -)
     sizes: wp.array2d(dtype=wp.vec3)
     rotations: wp.array2d(dtype=wp.mat33)  # (world, light) columns are its axes; widths and lengths are along x
     # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/shading/environment.h; last the factor of the

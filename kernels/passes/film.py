@@ -10,9 +10,9 @@ import warp as wp
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame, empty
 from warpcam.kernels.plan.film import FilmKey
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage

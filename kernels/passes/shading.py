@@ -8,12 +8,12 @@ import warp as wp
 from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.layers import Haze, Mirror
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.world_overrides import WorldOverrides
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.shading import IMAGES, LAYER_FLAGS, OVERRIDE_FLAGS, ShadingKey
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel
@@ -33,12 +33,13 @@ from warpcam.kernels.types import (
 
 
 @functools.cache
-def frame_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
+def frame_struct(kind: str, visible_dtype: Any, shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of one camera's visibility in all worlds: what the kernel reads.
 
     Args:
         kind: "plain"; "layered": with mirrors, transparent shapes and haze; "overridden": with what worlds have each
             for themselves, too. What was not asked for of these is empty.
+        visible_dtype: Type of the shares of light that reach a pixel, see occlusion.py; None where there are none.
         shape_dtype: Integer type of shape ids.
         face_dtype: Integer type of faces.
     """
@@ -51,6 +52,8 @@ def frame_struct(kind: str, shape_dtype: Any, face_dtype: Any) -> Any:
         "plane": wp.int32,
         "planes": wp.int32,  # how many there are
     }
+    if visible_dtype is not None:
+        fields["visible"] = wp.array(dtype=visible_dtype)  # (pixel,)
     if kind != "plain":
         fields |= {
             "mirrors": wp.array(dtype=Mirror),  # (world,)
@@ -111,7 +114,8 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     tables, flags = frame.tables, planned.key.flags
     more, varied = flags & LAYER_FLAGS, flags & OVERRIDE_FLAGS and tables.world_overrides is not None
     kind = "overridden" if varied else "layered" if more else "plain"
-    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind))
+    visible = dtype_of(frame.find(planned, "visible"), None)
+    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible))
     if varied:
         seen.overrides = tables.world_overrides
     if more:
@@ -120,7 +124,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
-    frame.fill(planned, seen, ("shadow",))
+    frame.fill(planned, seen, ("shadow", "visible"))
     seen.horizon, seen.plane, seen.planes = tables.horizon, tables.first_plane, len(tables.planes)
     images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)

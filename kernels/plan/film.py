@@ -10,12 +10,11 @@ import warp as wp
 from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.outputs import lit_outputs
 from warpcam.kernels.plan import shading
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
 
 LIGHT = f"{BUFFER}light"  # of an image, where it is no output
 SUMS, SCATTERED = f"{BUFFER}sums of light", f"{BUFFER}scattered light"
-
-Arrays = tuple[tuple[str, str], ...]  # see plan/frame.py
 
 
 @dataclass(frozen=True)
@@ -30,17 +29,18 @@ class FilmKey:
         return 8
 
 
-def plan_passes(request: ImageRequest) -> Iterator[tuple[str, FilmKey | None, int, Arrays]]:
-    """Yield name, kernel, threads and arrays of each pass after those that draw light."""
+def plan_passes(request: ImageRequest) -> Iterator[PlannedPass[Any]]:
+    """Yield the passes after those that draw light."""
     pixels, images = request.width * request.height, tuple((name, name) for name in lit_outputs(request.outputs))
     light = ("light", "hdr")
     if request.metered:
-        yield "light meter", None, _meter_threads(request), (light, ("sums", SUMS))
-        yield "automatic exposure", None, 1, (("sums", SUMS),)
+        yield PlannedPass("light meter", None, _meter_threads(request), (light, ("sums", SUMS)))
+        yield PlannedPass("automatic exposure", None, 1, (("sums", SUMS),))
     if request.bloom:
         images = (("scattered", SCATTERED), *images)
-        yield "bloom", None, pixels, (light, ("scattered", SCATTERED))
-    yield "film", FilmKey(shading.tone_flag(request, request.outputs)), pixels, (light, *images)
+        yield PlannedPass("bloom", None, pixels, (light, ("scattered", SCATTERED)))
+    key = FilmKey(shading.tone_flag(request, request.outputs))
+    yield PlannedPass("film", key, pixels, (light, *images))
 
 
 def plan_buffers(request: ImageRequest) -> tuple[tuple[str, Any, tuple[int, int]], ...]:

@@ -6,18 +6,20 @@ counted from the plan.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import warp as wp
 
-from warpcam.kernels.flags import TRAVERSED, geometry_of
+from warpcam.kernels.flags import TRAVERSED, ShadingFlag, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
-from warpcam.kernels.plan import edges, film, history, launches, paths, shading, shadow, splats, trace
+from warpcam.kernels.plan import edges, film, history, launches, occlusion, paths, shading, shadow, splats, trace
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.film import FilmKey
+from warpcam.kernels.plan.occlusion import OccluderKey, OcclusionFilterKey, OcclusionKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.paths import PathKey, PathListKey
+from warpcam.kernels.plan.planned_pass import Arrays, Passes, PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
@@ -29,41 +31,14 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey | FilmKey
+    | PathListKey | PathKey | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
 )  # fmt: skip
 
-Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
-
-Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
-
-
-@dataclass(frozen=True)
-class PlannedPass(Generic[Key]):
-    """A pass of one camera.
-
-    Attributes:
-        name: Of the pass, in the registry.
-        key: What its kernel is compiled for; None for kernels without variants.
-        threads: Of its launch, for each world.
-        arrays: Images and buffers that it reads and writes.
-    """
-
-    name: str
-    key: Key
-    threads: int
-    arrays: Arrays = ()
-
-    def name_of(self, role: str) -> str | None:
-        """The image or buffer that the pass knows by that name, or None if it has none."""
-        return dict(self.arrays).get(role)
-
-
-Passes = tuple[PlannedPass[Any], ...]
 
 
 @dataclass(frozen=True)
@@ -195,7 +170,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
 def _plan_film(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
     """Plan light, and what is shown of it when that of the whole image is there."""
     drawn = plan_frame(tables, request.undeveloped, device, group)
-    last = tuple(PlannedPass(*each) for each in film.plan_passes(request))
+    last = tuple(film.plan_passes(request))
     return replace(drawn, shading=(*drawn.shading, *last), late=frozenset(), film=film.plan_buffers(request))
 
 
@@ -255,12 +230,16 @@ def _buffers(
     if request.lens in launches.TABLES:  # whose trace has the distance where others have depth
         images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
     faces = bool(geometry_of(tables.shape_types) & TRAVERSED) and any("face" in pass_of(name).needs for name in derived)
+    lit, shares = any(output.lit for output in asked), occlusion.shares_of(tables, request)
+    count = occlusion.num_shares(tables, shares)
     # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
     wanted = {
         "depth": transparent or (needed and "depth" not in images),
         "shape": transparent or (needed and "shape" not in images),
         "face": faces,
-        "shadow": request.shadows and tables.num_lights > 0 and any(output.lit for output in asked),
+        "shadow": request.shadows and tables.num_lights > 0 and lit and not shares & ShadingFlag.SOFT_SHADOWS,
+        "rays": lit and bool(shares),
+        "visible": lit and bool(shares),
         "mirror depth": mirrors,
         "mirror shape": mirrors,
         "mirror face": mirrors and faces,
@@ -271,6 +250,8 @@ def _buffers(
         "shape": ids,
         "face": faces_dtype,
         "shadow": wp.uint8,
+        "rays": occlusion.pixel_bytes(occlusion.NORMAL_BYTES + count),
+        "visible": occlusion.pixel_bytes(count),
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
     return chosen | {f"{BUFFER}lit {name}": LIT_PIXELS[name] for name in smooth}
@@ -303,6 +284,10 @@ class _Planner:
         first = [self._trace(arrays, opaque)]
         if shadows:
             first.append(self._pass("shadow", self._plan(shadow.plan_shadow), (*seen, *shadows)))
+        visible: Arrays = ()
+        if lit and f"{BUFFER}visible" in self.buffers:
+            first += self._occlusion(seen)
+            visible = (("visible", f"{BUFFER}visible"),)
         last: list[PlannedPass[Any]] = []
         reflecting = self.mirrors and bool(lit)
         colors = tuple((name, lit_into.get(name, name)) for name in lit)
@@ -311,8 +296,9 @@ class _Planner:
         shaded = tuple((name, lit_into.get(name, name)) for name in derived if name in PASSES["shading"].writes)
         if shaded:
             write_back = bool(smooth) and opaque and tables.physical is None and tables.splats is None
-            launch = self._shading(shaded, bool(shadows), mirrors=reflecting, write_back=write_back)
-            last.append(self._pass("shading", launch, (*seen, *shadows, *shaded)))
+            shares = occlusion.shares_of(tables, request) if visible else ShadingFlag(0)
+            launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, write_back=write_back)
+            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -351,6 +337,16 @@ class _Planner:
         )
         return self._pass("trace", launch, arrays)
 
+    def _occlusion(self, seen: Arrays) -> list[PlannedPass[Any]]:
+        """Passes that find what share of light reaches the surface of each pixel."""
+        keys = occlusion.plan_occlusion(self.tables, self.request, self.device)
+        pixels, rays = self.request.width * self.request.height, (*seen, ("rays", f"{BUFFER}rays"))
+        return [
+            PlannedPass("occluders", keys[0], occlusion.LIST_THREADS),
+            PlannedPass("occlusion rays", keys[1], pixels, rays),
+            PlannedPass("occlusion filter", keys[2], pixels, (*rays, ("visible", f"{BUFFER}visible"))),
+        ]
+
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
         """Passes that draw into the images what mirrors show; the mirrors' own colour comes on top."""
         mirrored = tuple((role, name) for role in VISIBLE if (name := f"{BUFFER}mirror {role}") in self.buffers)
@@ -362,7 +358,7 @@ class _Planner:
             self._pass("shading", self._shading(colors, False, mirrors=True, mirrored=True), (*mirrored, *colors)),
         ]
 
-    def _shading(self, images: Arrays, shadows: bool, **how: bool) -> launches.PlannedLaunch[ShadingKey]:
+    def _shading(self, images: Arrays, shadows: bool, **how: Any) -> launches.PlannedLaunch[ShadingKey]:
         return self._plan(shading.plan_shading, outputs=[name for name, _ in images], shadows=shadows, **how)
 
     def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass[Any]:

@@ -27,6 +27,8 @@ class ImageRequest:
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
         metered: The exposure is set by the light of the whole image.
         bloom: Light is scattered over the image.
+        ambient_occlusion: Shapes hide light from all around.
+        soft_shadows: Shadows are those of lights as large as they are.
     """
 
     width: int
@@ -39,6 +41,8 @@ class ImageRequest:
     paths: bool = False
     metered: bool = False
     bloom: bool = False
+    ambient_occlusion: bool = False
+    soft_shadows: bool = False
 
     @property
     def smooth(self) -> tuple[str, ...]:

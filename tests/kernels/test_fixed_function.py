@@ -12,7 +12,7 @@ from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes import shading
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import PlannedPass
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import IMAGES, MAX_KEPT, plan_shading
 from warpcam.kernels.runtime.launch import Group

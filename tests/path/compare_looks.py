@@ -5,6 +5,7 @@ and smooth edges.
 """
 
 import argparse
+import math
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -35,24 +36,31 @@ class Row(NamedTuple):
         scene: Its name.
         flip: Mean FLIP of the two pictures, 0 to 1.
         light: Mean radiance of "pbr" over that of "path".
+        hidden_flip: As ``flip``, with ambient occlusion and soft shadows.
+        hidden_light: As ``light``, likewise.
     """
 
     scene: str
     flip: float
     light: float
+    hidden_flip: float
+    hidden_light: float
 
 
 def compare(name: str, samples: int, device: wp.Device) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         stage = metric(Usd.Stage.CreateNew(str(Path(folder) / "stage.usda")))
         scene = scene_of(stage, judged.SCENES[name], device)
-        fast = _drawn(scene, "pbr", shadows=True, antialiasing=4)
-        reference = _drawn(scene, "path", wc.PathOptions(samples=samples))
-    flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
-    return Row(name, flip, float(fast["hdr"].mean() / reference["hdr"].mean()))
+        reference = _drawn(scene, {"look": "path", "path": wc.PathOptions(samples=samples)})
+        numbers: list[float] = []
+        for options in ({}, {"ambient_occlusion": math.inf, "soft_shadows": True}):
+            fast = _drawn(scene, {"look": "pbr", **options}, shadows=True, antialiasing=4)
+            flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
+            numbers += [flip, float(fast["hdr"].mean() / reference["hdr"].mean())]
+    return Row(name, *numbers)
 
 
-def _drawn(scene: wc.Scene, look: Any, path: wc.PathOptions | None = None, **more: Any) -> dict[str, np.ndarray]:
+def _drawn(scene: wc.Scene, options: dict[str, Any], **more: Any) -> dict[str, np.ndarray]:
     camera = wc.Camera(
         CAMERA.name,
         width=judged.SIZE,
@@ -62,14 +70,18 @@ def _drawn(scene: wc.Scene, look: Any, path: wc.PathOptions | None = None, **mor
         outputs=("rgb", "hdr"),
         **more,
     )
-    images = wc.Renderer(scene, [camera], look=look, path=path).render()[CAMERA.name]
+    images = wc.Renderer(scene, [camera], **options).render()[CAMERA.name]
     return {name: image[0].cpu().numpy() for name, image in images.items()}
 
 
 def table(rows: Sequence[Row]) -> str:
-    lines = ["| scene | FLIP | light of `pbr` over that of `path` |", "|---|---:|---:|"]
-    lines += [f"| {row.scene} | {row.flip:.3f} | {row.light:.2f} |" for row in rows]
-    return "\n".join([*lines, f"| mean | {np.mean([row.flip for row in rows]):.3f} | |"])
+    lines = ["| scene | FLIP | light | FLIP, hidden | light, hidden |", "|---|---:|---:|---:|---:|"]
+    lines += [
+        f"| {row.scene} | {row.flip:.3f} | {row.light:.2f} | {row.hidden_flip:.3f} | {row.hidden_light:.2f} |"
+        for row in rows
+    ]
+    flip, hidden = (np.mean([getattr(row, name) for row in rows]) for name in ("flip", "hidden_flip"))
+    return "\n".join([*lines, f"| mean | {flip:.3f} | | {hidden:.3f} | |"])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -16,12 +16,14 @@ from warpcam.kernels.passes.film import FilmArrays, bind_again
 from warpcam.kernels.passes.paths import bind_more
 from warpcam.kernels.plan.film import LIGHT
 from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.render.flow_history import CameraHistory, needs_history
+from warpcam.render.occlusion import NO_OCCLUSION, Occlusion, make_occlusion
 from warpcam.render.paths import PathOptions, make_paths
 
 MAX_PIXELS = 2**31
@@ -42,8 +44,17 @@ def parts_of(camera: Camera) -> tuple[int, int]:
     return request_of(camera, "pinhole").parts
 
 
-def request_of(camera: Camera, projection: Projection, paths: bool = False) -> ImageRequest:
-    """The images that a camera asks for; ``paths``: lit ones are traced by paths of light."""
+def request_of(
+    camera: Camera, projection: Projection, paths: bool = False, occlusion: Occlusion = NO_OCCLUSION
+) -> ImageRequest:
+    """The images that a camera asks for.
+
+    Args:
+        camera: The camera.
+        projection: Of its rays.
+        paths: Lit images are traced by paths of light.
+        occlusion: What hides light in them.
+    """
     return ImageRequest(
         camera.width,
         camera.height,
@@ -55,6 +66,8 @@ def request_of(camera: Camera, projection: Projection, paths: bool = False) -> I
         paths=paths,
         metered=camera.auto_exposure is not None,
         bloom=camera.bloom is not None,
+        ambient_occlusion=occlusion.radius is not None,
+        soft_shadows=occlusion.soft,
     )
 
 
@@ -104,6 +117,7 @@ class CameraPasses:
         tables: The scene.
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
+        occlusion: What hides light.
         film: FilmArrays, where what is shown depends on the light of a whole image.
 
     Attributes:
@@ -121,11 +135,12 @@ class CameraPasses:
         tables: SceneTables,
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
+        occlusion: Occlusion = NO_OCCLUSION,
         film: FilmArrays | None = None,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
-        self._request, self._device = request_of(camera, projection, paths is not None), device
+        self._request, self._device = request_of(camera, projection, paths is not None, occlusion), device
         self.plan = plan_frame(tables, self._request, device)
         plan, parts = self.plan, self._request.parts
         self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
@@ -137,6 +152,7 @@ class CameraPasses:
         self._paths, self._film = None, film
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
+        self._occlusion = make_occlusion(tables, occlusion.radius, device) if traces_occlusion(plan.keys) else None
         listed = plan.lists is not None
         self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
 
@@ -185,6 +201,7 @@ class CameraPasses:
             parts=request.parts,
             paths=self._paths,
             film=self._film,
+            occlusion=self._occlusion,
         )
         visibility, shading = _bound(plan, frame)
         if plan.fine is not None and self.finer is not None:

@@ -15,6 +15,7 @@ from warpcam.kernels.passes.world_overrides import without_background
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Background, Lights, Physical
+from warpcam.render.occlusion import Occlusion
 from warpcam.render.paths import PathOptions, check_whole
 from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
@@ -153,6 +154,10 @@ class Look:
         for camera, (name, allowed) in itertools.product(cameras, plain.items()):
             if (value := getattr(camera, name)) != allowed:
                 raise WarpcamError(f"{camera.where}: {name} is {value!r}, and {why} {allowed!r} alone{more}")
+
+    def occlusion(self, ambient_occlusion: Any, soft_shadows: Any, cameras: Iterable[Camera]) -> Occlusion:
+        """What hides light, as it came to a renderer, or the error that says what is wrong with it."""
+        return Occlusion.of(ambient_occlusion, soft_shadows, self.name, self._has_splats, cameras)
 
     def check_more(self, samples: Any, has_drawn: bool) -> int:
         """The number of paths that are to be added, or the error that there is nothing to add to."""

@@ -11,11 +11,13 @@ from warpcam.core.device import free_bytes
 from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.plan.frame import plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
 from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
 from warpcam.render.looks import Look, LookName
+from warpcam.render.occlusion import occlusion_bytes
 from warpcam.render.paths import path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.scene import Scene
@@ -55,8 +57,15 @@ class Memory:
         return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
 
 
-def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName | None = None) -> Memory:
-    """Estimate the memory that ``Renderer(scene, cameras, look=look)`` would allocate on the scene's device [bytes].
+def estimate_memory(
+    scene: Scene,
+    cameras: Sequence[Camera],
+    *,
+    look: LookName | None = None,
+    ambient_occlusion: float | None = None,
+    soft_shadows: bool = False,
+) -> Memory:
+    """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
 
     Allocates nothing.
 
@@ -66,6 +75,8 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
         scene: What to look at.
         cameras: Each under its own name.
         look: As the renderer takes it.
+        ambient_occlusion: Likewise.
+        soft_shadows: Likewise.
 
     Raises:
         WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
@@ -74,11 +85,12 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
     by_key = check_cameras(scene, cameras)
     own = Look(look, None, scene)
     own.check_display(by_key.values())
+    occlusion = own.occlusion(ambient_occlusion, soft_shadows, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds)
     plans = {
-        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths), scene.device)
+        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths, occlusion), scene.device)
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
@@ -93,6 +105,7 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
         + sum(shared_bytes(one, scene) for one in by_key.values())
         + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
+        + sum(occlusion_bytes(tables) for plan in plans.values() if traces_occlusion(plan.keys))
         + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )

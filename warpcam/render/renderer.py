@@ -55,6 +55,8 @@ class Renderer(RenderedTensors):
             real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
         environments: Light from all around, from images in float; not with look="mujoco".
+        ambient_occlusion: Radius, above 0, within which shapes hide light from all around [m]; only with look="pbr".
+        soft_shadows: Cameras with shadows show those of lights as large as they are; only with look="pbr".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
@@ -82,6 +84,8 @@ class Renderer(RenderedTensors):
         look: LookName | None = None,
         path: PathOptions | None = None,
         environments: Environments | None = None,
+        ambient_occlusion: float | None = None,
+        soft_shadows: bool = False,
     ):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
@@ -90,14 +94,15 @@ class Renderer(RenderedTensors):
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
         self._look = Look(look, path, scene, environments)
-        self.memory = estimate_memory(scene, cameras, look=look)
+        occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, self._cameras.values())
+        self.memory = estimate_memory(scene, cameras, look=look, **occlusion.arguments)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         paths = self._look.paths(scene.device)
         self._passes = {
-            key: CameraPasses(camera, binding.projection, tables, scene.device, paths, binding.film)
+            key: CameraPasses(camera, binding.projection, tables, scene.device, paths, occlusion, binding.film)
             for (key, camera), binding in zip(self._cameras.items(), self._bindings.values(), strict=True)
         }
         self._selection = Selection(scene.num_worlds, scene.device)

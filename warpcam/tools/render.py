@@ -76,6 +76,13 @@ def add(command: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
+        "--ambient-occlusion",
+        type=float,
+        metavar="M",
+        help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
+    )
+    command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
+    command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
@@ -122,8 +129,15 @@ def run(options: argparse.Namespace) -> int:
             )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        environments = scene_options.environments_of(options, scene)
-        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths, environments=environments)
+        renderer = warpcam.Renderer(
+            scene,
+            cameras,
+            look=options.look,
+            path=paths,
+            environments=scene_options.environments_of(options, scene),
+            ambient_occlusion=options.ambient_occlusion,
+            soft_shadows=options.soft_shadows,
+        )
         look, images = _drawing(renderer, cameras, model, options)
         progress.update(steps, description="first frame", advance=1)
         look()

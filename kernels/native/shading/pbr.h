@@ -3,6 +3,7 @@
 #include "shading/pbr_material.h"
 #include "shading/area_lights.h"
 #include "shading/environment_map.h"
+#include "shading/light_visibility.h"
 
 namespace warpcam {
 
@@ -13,25 +14,24 @@ template <class Scene_, class Physical_> struct PhysicalScene : Scene_ {
 template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Physical_&)
     -> PhysicalScene<Scene_, Physical_>;
 
-// The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
-// light l, of those that are kept, does not reach it.
+// The light that a place of a surface sends to the eye, linear; all in the camera's frame.
 template <int FLAGS, class Scene_, class Vector>
 WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const AreaLights& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
-                                     IntOf<Vector> shadow)
+                                     const Visibility<FLAGS, Vector>& visibility)
 {
     using Number = NumberOf<Vector>;
-    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS, IMAGE = FLAGS & HAS_SKYBOX;
+    constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
     Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const AreaLight& area_light = list.area_lights[n];
-        const MaskOf<Vector> reached = (area_light.place.w & shadow) == 0;
-        if (SHADOWS && !any(reached))
+        const auto reached = visibility.reached(area_light.place.w);
+        if (!any(reached.some))
             continue;
         const AreaLightSample<Vector> light_sample = sample_light(area_light, place);
-        const Number share = SHADOWS ? (reached ? light_sample.share : none) : light_sample.share;
+        const Number share = reached.of(light_sample.share);
         if (area_light.diffuse.w & AMBIENT)
             around = around + share * broadcast<Vector>(as_vec3(area_light.ambient));
         const Number cosine = clipped_cosine(dot(normal, light_sample.to_light), light_sample.sine_squared);
@@ -57,6 +57,13 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
         }
     };
     const Vector mirrored = around + reflected_sky();
+    if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
+        const Number open = visibility.open();
+        return light
+               + inputs.open
+                     * environment_brdf(inputs.bsdf, eye_cosine, mul(open_with_bounces(open, inputs.bsdf.matt), even),
+                                        specular_opening(open, eye_cosine, inputs.bsdf.roughness) * mirrored);
+    }
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
 
@@ -64,7 +71,8 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
 template <class Types, int LENS, int FLAGS, class Appearances, class Scene_>
 WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
                                      const Camera& camera, float x, float y, const SurfaceInteraction& surface,
-                                     Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
+                                     Vec3 place, Vec3 ray, float depth, Vec3 color,
+                                     const Visibility<FLAGS, Vec3>& visibility)
 {
     Vec3 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     const PbrInputs<Vec3> inputs = pbr_inputs_at<Types, LENS, (FLAGS & HAS_MAPS) != 0>(
@@ -73,7 +81,7 @@ WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& 
     Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         to_eye = -CameraRay<LENS> { x, y }.direction();
-    return physical_light<FLAGS>(inputs, list, scene, camera.rotation, place, normal, to_eye, shadow);
+    return physical_light<FLAGS>(inputs, list, scene, camera.rotation, place, normal, to_eye, visibility);
 }
 
 }  // namespace warpcam
