@@ -6,6 +6,7 @@ from importlib.metadata import version as _version
 from warpcam.camera.calibration import Calibration, read_calibration
 from warpcam.camera.camera import Camera
 from warpcam.camera.distorted import Distorted, RadTanThinPrismFisheye, ThinPrismFisheye
+from warpcam.camera.film import AutoExposure, Bloom
 from warpcam.camera.fisheye import Fisheye, FTheta, KannalaBrandt
 from warpcam.camera.lens import Lens, Orthographic, Pinhole
 from warpcam.camera.lens_tables import Rays
@@ -33,6 +34,8 @@ except _PackageNotFoundError:  # run from its sources
     __version__ = "0+unknown"
 
 __all__ = [
+    "AutoExposure",
+    "Bloom",
     "Calibration",
     "Camera",
     "CameraLabels",

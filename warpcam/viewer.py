@@ -13,6 +13,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.render.looks import LookName, looks_of
 from warpcam.render.paths import PathOptions
 from warpcam.render.renderer import Renderer
+from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
 from warpcam.sensors import Rig
 from warpcam.sensors.depth_cameras import CAMERA_MODELS
@@ -104,6 +105,7 @@ class Viewer:
         host: str = "127.0.0.1",
         port: int = 8080,
         look: LookName | None = None,
+        environments: Environments | None = None,
     ):
         """Begin to serve the page.
 
@@ -114,6 +116,8 @@ class Viewer:
             host: Address of this machine to listen at; "0.0.0.0" lets others in the network look, too.
             port: There. If it is taken, the next that is free.
             look: As ``Renderer`` takes it: the look of ``rgb`` and ``hdr`` that the page begins with.
+
+            environments: As ``Renderer`` takes it; the look "mujoco", where a page changes to it, is without.
 
         Raises:
             WarpcamError: An argument is not as described.
@@ -130,7 +134,9 @@ class Viewer:
         self._traced: tuple[ViewSelection, ClientCamera] | None = None  # view of the paths that the renderer has
         self._samples, self._added = 0, 1  # of these, and how many more come at once
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
-        looks = looks_of(scene)
+        looks, self._environments = looks_of(scene), environments
+        if environments is not None and (look or looks[0]) == "mujoco":
+            raise WarpcamError("Viewer: environments light look='pbr' and look='path', and the look is 'mujoco'")
         self._renderer_of(ViewSelection("rgb", FREE, 0, look=look))
         lower, upper = scene.bounds()
         start = batch_file.free_camera(None, lower, upper, width / height)
@@ -161,6 +167,8 @@ class Viewer:
             moved: False draws only for those whose camera or choice is another one than in their last picture, and
                 adds paths to a picture of the look "path". The state must be as it was then.
         """
+        if not isinstance(moved, bool | np.bool_):
+            raise WarpcamError(f"Viewer.update: moved must be True or False, got {moved!r}")
         choice = ViewSelection(
             str(self._output.value),
             str(self._camera.value),
@@ -255,7 +263,9 @@ class Viewer:
                 **free,
             )
             paths = PathOptions(samples=1) if choice.traces_paths else None
-            renderer = Renderer(self._scene, [camera], look=look, path=paths)
+            mujoco = (look or looks_of(self._scene)[0]) == "mujoco"  # which they do not light
+            lights = None if mujoco else self._environments
+            renderer = Renderer(self._scene, [camera], look=look, path=paths, environments=lights)
             self._renderer = wanted, renderer, None if model is None else Rig(renderer, {camera.name: model})
         return self._renderer[1:]
 

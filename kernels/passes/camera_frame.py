@@ -7,8 +7,9 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.layers import LayerTables
-from warpcam.kernels.plan.frame import BUFFER, PlannedPass
 from warpcam.kernels.plan.launches import THREADS
+from warpcam.kernels.plan.planned_pass import PlannedPass
+from warpcam.kernels.plan.request import BUFFER
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
@@ -38,6 +39,7 @@ class CameraFrame:
         group: Which worlds are drawn.
         device: Where all of these lie.
         paths: PathArrays of passes/paths.py, where lit images are traced by paths of light.
+        film: FilmArrays of passes/film.py, where what is shown depends on the light of a whole image.
         occlusion: OcclusionArrays of passes/occlusion.py, where rays tell how much light reaches a pixel.
     """
 
@@ -58,6 +60,7 @@ class CameraFrame:
     device: wp.Device
     parts: tuple[int, int] = (1, 1)
     paths: Any = None
+    film: Any = None
     occlusion: Any = None
 
     @property

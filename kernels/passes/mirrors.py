@@ -18,8 +18,8 @@ from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.closest_hit import closest_hit_kernel
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.views import is_finite
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.trace import MirrorKey
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage

@@ -9,10 +9,10 @@ import warp as wp
 from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.trace_target import visible_fields
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import SceneTypes
 from warpcam.kernels.plan.occlusion import NORMAL_BYTES, OccluderKey, OcclusionFilterKey, OcclusionKey, pixel_bytes
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage

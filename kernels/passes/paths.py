@@ -10,10 +10,10 @@ import warp as wp
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.world_overrides import WorldOverrides, empty_overrides
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import SceneTypes
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.paths import PathKey, PathListKey
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage

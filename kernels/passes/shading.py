@@ -11,9 +11,9 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.world_overrides import WorldOverrides
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.shading import IMAGES, LAYER_FLAGS, OVERRIDE_FLAGS, ShadingKey
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel

@@ -7,9 +7,9 @@ import warp as wp
 
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.trace_target import visible_fields
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel

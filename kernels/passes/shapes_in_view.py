@@ -5,9 +5,9 @@ import functools
 import warp as wp
 
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.trace import InViewKey
 from warpcam.kernels.runtime.compile import native_module
 from warpcam.kernels.runtime.kernels import make_kernel

@@ -9,9 +9,9 @@ from warpcam.kernels.flags import SplatFlag
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.flow import FlowHistory
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.splats import IMAGES, SplatKey
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.kernels import make_kernel

@@ -5,8 +5,8 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.runtime.compile import compiler_flags
 from warpcam.kernels.runtime.launch import BLOCK_DIM, Stage
 

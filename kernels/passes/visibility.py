@@ -9,8 +9,8 @@ from warpcam.kernels.flags import TraceFlag
 from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
 from warpcam.kernels.passes.closest_hit import closest_hit_kernel
 from warpcam.kernels.passes.trace_target import target_struct
-from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.passes import register
+from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.trace import ARRAYS, TraceKey
 from warpcam.kernels.runtime.launch import Stage
 

@@ -6,19 +6,21 @@ counted from the plan.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 import warp as wp
 
 from warpcam.kernels.flags import TRAVERSED, ShadingFlag, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
-from warpcam.kernels.plan import edges, history, launches, occlusion, paths, shading, shadow, splats, trace
+from warpcam.kernels.plan import edges, film, history, launches, occlusion, paths, shading, shadow, splats, trace
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
+from warpcam.kernels.plan.film import FilmKey
 from warpcam.kernels.plan.occlusion import OccluderKey, OcclusionFilterKey, OcclusionKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.paths import PathKey, PathListKey
-from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.plan.planned_pass import Arrays, Passes, PlannedPass
+from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
@@ -29,42 +31,14 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey | OccluderKey | OcclusionKey | OcclusionFilterKey
+    | PathListKey | PathKey | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
 )  # fmt: skip
 
-Key = TypeVar("Key")
 Result = TypeVar("Result")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
-BUFFER = "buffer "  # names of buffers begin with this, those of images do not
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
-
-Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
-
-
-@dataclass(frozen=True)
-class PlannedPass(Generic[Key]):
-    """A pass of one camera.
-
-    Attributes:
-        name: Of the pass, in the registry.
-        key: What its kernel is compiled for; None for kernels without variants.
-        threads: Of its launch, for each world.
-        arrays: Images and buffers that it reads and writes.
-    """
-
-    name: str
-    key: Key
-    threads: int
-    arrays: Arrays = ()
-
-    def name_of(self, role: str) -> str | None:
-        """The image or buffer that the pass knows by that name, or None if it has none."""
-        return dict(self.arrays).get(role)
-
-
-Passes = tuple[PlannedPass[Any], ...]
 
 
 @dataclass(frozen=True)
@@ -83,6 +57,7 @@ class FramePlan:
         fine: Plan of lit images that are drawn finer, whose means are the camera's; None where none is.
         parts: Parts of a pixel, across and down, that are pixels of the finer images.
         paths: Lit images are traced by paths of light.
+        film: Names, dtypes and sizes, down and across, of buffers between an image's light and what is shown of it.
     """
 
     lists: ListKey | None
@@ -96,6 +71,7 @@ class FramePlan:
     fine: "FramePlan | None" = None
     parts: tuple[int, int] = (1, 1)
     paths: bool = False
+    film: tuple[tuple[str, Any, tuple[int, int]], ...] = ()
 
     @property
     def passes(self) -> Passes:
@@ -106,6 +82,7 @@ class FramePlan:
         """Yield name, dtype and size, down and across, of each buffer of a camera of that size [pixels]."""
         for name, dtype in self.buffers:
             yield name, dtype, (height, width)
+        yield from self.film
         if self.fine is not None:
             across, down = self.parts
             size = (down * height, across * width)
@@ -150,6 +127,8 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         device: Where it is drawn.
         group: Worlds that are drawn together; None is all. The kernels' regions depend on it, the buffers do not.
     """
+    if request.needs_film:
+        return _plan_film(tables, request, device, group)
     if request.paths and lit_outputs(request.outputs):
         return _plan_paths(tables, request, device, group)
     if request.parts != (1, 1):
@@ -186,6 +165,13 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         mirrors=mirrors,
         in_place=in_place,
     )
+
+
+def _plan_film(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:
+    """Plan light, and what is shown of it when that of the whole image is there."""
+    drawn = plan_frame(tables, request.undeveloped, device, group)
+    last = tuple(film.plan_passes(request))
+    return replace(drawn, shading=(*drawn.shading, *last), late=frozenset(), film=film.plan_buffers(request))
 
 
 def _plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device, group: Group | None) -> FramePlan:

@@ -9,6 +9,7 @@ from warpcam.kernels.outputs import lit_outputs
 # part has EDGE_SAMPLES where an edge runs through it.
 SUPERSAMPLING: Mapping[int, tuple[int, int]] = {8: (2, 1), 16: (2, 2), 64: (4, 4)}
 EDGE_SAMPLES = 4
+BUFFER = "buffer "  # names of buffers begin with this, those of images do not
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,8 @@ class ImageRequest:
         antialiasing: Samples of a pixel.
         tone_mapping: One of ``shading.TONE_CURVES``.
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
+        metered: The exposure is set by the light of the whole image.
+        bloom: Light is scattered over the image.
         ambient_occlusion: Shapes hide light from all around.
         soft_shadows: Shadows are those of lights as large as they are.
     """
@@ -36,6 +39,8 @@ class ImageRequest:
     antialiasing: int = 1
     tone_mapping: str = "clip"
     paths: bool = False
+    metered: bool = False
+    bloom: bool = False
     ambient_occlusion: bool = False
     soft_shadows: bool = False
 
@@ -61,6 +66,19 @@ class ImageRequest:
         """All other outputs, which are those of the pixels' centres."""
         rest = tuple(name for name in self.outputs if name not in self.smooth)
         return replace(self, outputs=rest, antialiasing=1)
+
+    @property
+    def needs_film(self) -> bool:
+        """Whether what lit images show depends on the light of a whole image."""
+        return (self.metered or self.bloom) and bool(lit_outputs(self.outputs))
+
+    @property
+    def undeveloped(self) -> "ImageRequest":
+        """What is drawn for it: light, and the alpha of ``rgba``, beside the outputs that no light changes."""
+        if not self.needs_film:
+            return self
+        alpha = ("rgba",) if "rgba" in self.outputs else ()
+        return replace(self, outputs=(*self.unlit.outputs, *alpha, "hdr"), metered=False, bloom=False)
 
     @property
     def unlit(self) -> "ImageRequest":

@@ -228,6 +228,14 @@ def test_of_tone_mapping(look: str, curve: str, card: list[launch.Stage], folder
     assert _compile([stage for stage in card if name in stage.module.name], folder) == 1
 
 
+def test_of_film(card: list[launch.Stage], folder: Path) -> None:
+    """Automatic exposure and bloom."""
+    more = {"look": "pbr", "tone_mapping": "agx", "auto_exposure": wc.AutoExposure(), "bloom": wc.Bloom()}
+    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), **more)
+    names = ("meter_light", "film", "scatter_light", "develop_images")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 4
+
+
 @pytest.mark.parametrize("look", ["pbr", "path"])
 def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> None:
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)

@@ -1,5 +1,6 @@
 """Clouds of Gaussians that a user puts into scenes of MuJoCo, another one in each world."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -196,6 +197,10 @@ def test_files(device: wp.Device, tmp_path: Path) -> None:
     (tmp_path / "rest.ply").write_text(text.rstrip() + " 0.0\n")
     with pytest.raises(wc.WarpcamError, match=r"rest\.ply: .* have 1 columns f_rest"):
         wc.load(tmp_path / "scene.xml", device=device, splats=wc.Splats(tmp_path / "rest.ply"))
+    body = text.index("end_header\n") + len("end_header\n")
+    (tmp_path / "empty.ply").write_text(re.sub(r"element vertex \d+", "element vertex 0", text[:body]))
+    with pytest.raises(wc.WarpcamError, match=r"empty\.ply: has 0 vertices: neither Gaussian splats nor triangles"):
+        wc.load(tmp_path / "scene.xml", device=device, splats=wc.Splats(tmp_path / "empty.ply"))
     small = wc.Splats(tmp_path / "red.ply", limits=wc.Limits(file_bytes=100))
     with pytest.raises(wc.WarpcamError, match="100"):
         wc.load(tmp_path / "scene.xml", device=device, splats=small)

@@ -90,7 +90,8 @@ def test_render_lights_by_an_environment(scene: Path, tmp_path: Path, capsys: py
     assert render(scene, *how, "--environment", tmp_path / "none.hdr") == 2
     assert "there is no file" in capsys.readouterr().err
     assert render(scene, "--environment", tmp_path / "red.exr", "--out", tmp_path) == 2
-    assert "the look is 'mujoco'" in capsys.readouterr().err
+    says = "--environment: it lights --look pbr and --look path, and the look is 'mujoco', the scene's own"
+    assert says in capsys.readouterr().err
 
 
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

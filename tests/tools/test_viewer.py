@@ -120,6 +120,30 @@ def test_a_sensor_of_choice_measures(viewer: Viewer, camera: str) -> None:
     assert (viewer.picture(ViewSelection("depth", camera, 0), eye(1.5)) == truth).all()
 
 
+def test_environments(simulated: Any, device: wp.Device) -> None:
+    """They are seen in the looks that they light, and MuJoCo's is as without."""
+    scene = wc.from_mujoco(*simulated, device=device)
+    red = wc.Environments(scene, np.full((4, 8, 3), (0.5, 0.0, 0.0), np.float32))
+    with pytest.raises(wc.WarpcamError, match="Viewer: environments light look='pbr' and look='path', and the look is"):
+        Viewer(scene, environments=red)
+    viewer = Viewer(scene, width=48, height=32, port=8300, look="pbr", environments=red)
+    try:
+        sky = {
+            look: viewer.picture(ViewSelection("rgb", viewers.FREE, 0, look=look), eye(1.5))[0, 0]
+            for look in ("mujoco", "pbr")
+        }
+    finally:
+        viewer.close()
+    assert (sky["pbr"] == (188, 0, 0)).all()
+    assert (sky["mujoco"] != sky["pbr"]).any()
+
+
+@pytest.mark.parametrize("moved", [3, None, "yes"])
+def test_update_takes_true_or_false(viewer: Viewer, moved: Any) -> None:
+    with pytest.raises(wc.WarpcamError, match=rf"Viewer.update: moved must be True or False, got {moved!r}"):
+        viewer.update(moved=moved)
+
+
 @pytest.fixture
 def open_page(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Opens a page of a number: its camera, and the pictures that it has been sent."""

@@ -6,6 +6,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from warpcam.camera.film import AutoExposure, Bloom
 from warpcam.camera.lens import Lens
 from warpcam.camera.lens_tables import RayTableLens, check_table_size
 from warpcam.camera.outputs import check_outputs
@@ -52,6 +53,9 @@ class Camera:
         tone_mapping: Curve from light to ``rgb`` and ``rgba`` in the looks "pbr" and "path", before sRGB: "clip" cuts
             light off at white; "reinhard", "aces", "khronos_neutral" and "agx" show brighter light as less than white.
             MuJoCo's look and scenes with clouds of Gaussians have "clip" alone.
+        auto_exposure: ``AutoExposure`` for the looks "pbr" and "path": each world's light sets its exposure, to which
+            ``exposure`` is added; None has ``exposure`` alone.
+        bloom: ``Bloom`` for these looks, of light before the curve, in ``hdr``, too; None scatters no light.
         exclude_bodies: Bodies whose shapes the camera does not see, as its own housing: a name or an index, or several.
             Their shapes cast shadows nevertheless.
     """
@@ -74,6 +78,8 @@ class Camera:
     exposure: Any = None
     gain: Any = None
     tone_mapping: ToneMapping = "clip"
+    auto_exposure: AutoExposure | None = None
+    bloom: Bloom | None = None
     exclude_bodies: Any = ()
 
     def __post_init__(self) -> None:
@@ -105,6 +111,9 @@ class Camera:
                 raise WarpcamError(f"{self.where}: {name} is {value!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):
             raise WarpcamError(f"{self.where}: shadows must be True or False, got {self.shadows!r}")
+        for name, kind in (("auto_exposure", AutoExposure), ("bloom", Bloom)):
+            if (value := getattr(self, name)) is not None and not isinstance(value, kind):
+                raise WarpcamError(f"{self.where}: {name} must be {kind.__name__}(...) or None, got {value!r}")
         object.__setattr__(self, "antialiasing", self._samples())
         across, down = SUPERSAMPLING.get(self.antialiasing, (1, 1))
         check_table_size(self.lens, across * self.width, down * self.height, self.where)
@@ -115,6 +124,16 @@ class Camera:
     def is_own(self) -> bool:
         """True for a camera of the user's own, False for one of the scene's."""
         return self.position is not None or self.rotation is not None or self.parent is not None
+
+    @property
+    def has_exposure(self) -> bool:
+        """True where all light is multiplied by an exposure and a gain, which have arrays."""
+        return self.exposure is not None or self.gain is not None or self.needs_film
+
+    @property
+    def needs_film(self) -> bool:
+        """True where what is shown depends on the light of the whole image."""
+        return self.auto_exposure is not None or self.bloom is not None
 
     @property
     def where(self) -> str:

@@ -17,6 +17,7 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.passes import view_shape_lists
 from warpcam.kernels.passes import views as views_stage
+from warpcam.kernels.passes.film import FilmArrays, Metering
 from warpcam.kernels.passes.views import CameraPose, LensParams
 from warpcam.kernels.passes.world_overrides import copy_overrides, empty_overrides
 from warpcam.kernels.runtime.launch import Stage
@@ -38,8 +39,9 @@ class CameraArrays(WorldArrays):
     A camera of your own has ``position``, (world, 3) [m], and ``rotation``, (world, 4) w x y z. A lens of your own has
     ``fovy``, (world,) [degrees], ``intrinsics``, (world, 4) fx fy cx cy [pixels], or ``height``, (world,) [m]. Every
     camera has ``near`` and ``far``, (world,) [m]. One that was given an ``exposure`` or a ``gain`` has both, (world,)
-    and (world, 3); one whose ``background`` was given for each world has that, (world, 3). What is the scene's own is
-    written in the simulator's arrays.
+    and (world, 3), as has one with ``AutoExposure`` or ``Bloom``. One with ``AutoExposure`` has ``auto_exposure``, too,
+    (world,) [stops]: that of the last frame, from which the next frame's goes on; NaN is none. One whose ``background``
+    was given for each world has that, (world, 3). What is the scene's own is written in the simulator's arrays.
     """
 
     def _instead(self, name: str) -> str:
@@ -53,6 +55,7 @@ class CameraBinding:
 
     Attributes:
         arrays: What may be written, by name.
+        film: FilmArrays, where what is shown depends on the light of a whole image, else None.
     """
 
     def __init__(self, camera: Camera, scene: Scene):
@@ -85,6 +88,7 @@ class CameraBinding:
         self._own("far", far if camera.far is None else camera.far, wp.float32, may_be_infinite=True)
         self._check_range()
         self._make_exposure()
+        self.film = self._make_film() if camera.needs_film else None
 
     @property
     def projection(self) -> Projection:
@@ -101,14 +105,15 @@ class CameraBinding:
         tables = self._seen(tables)
         if not isinstance(background, np.ndarray):
             tables = self._scene.tables_with(tables, background)
-        if not arrays.keys() & {"background", "exposure"}:
+        exposes = "exposure" in arrays and self.film is None  # film is exposed when all of its light is there
+        if not (exposes or "background" in arrays):
             return tables
         overrides = (
             copy_overrides(tables.world_overrides)
             if tables.world_overrides is not None
             else empty_overrides(self._scene.device)
         )
-        if "exposure" in arrays:
+        if exposes:
             overrides.exposures, overrides.gains = arrays["exposure"], arrays["gain"]
         if "background" in arrays:
             overrides.backgrounds, overrides.skyboxes = arrays["background"], self._no_skybox
@@ -268,7 +273,7 @@ class CameraBinding:
         if isinstance(camera.background, np.ndarray):
             self._own("background", camera.background, wp.vec3)
             self._no_skybox = wp.full(1, -1, dtype=wp.int32, device=device)
-        if camera.exposure is None and camera.gain is None:
+        if not camera.has_exposure:
             return
         self._own("exposure", 0.0 if camera.exposure is None else camera.exposure, wp.float32)
         if self.arrays["exposure"].numpy().max() > MAX_EXPOSURE:
@@ -281,6 +286,25 @@ class CameraBinding:
         self._own("gain", np.tile(torch_interop.to_numpy(gain), 3) if is_one else gain, wp.vec3)
         if self.arrays["gain"].numpy().min() < 0.0:
             raise WarpcamError(f"{camera.where}: gain must not be negative, got {camera.gain!r}")
+
+    def _make_film(self) -> FilmArrays:
+        camera, device, worlds = self._camera, self._scene.device, self._scene.num_worlds
+        metering, automatic = None, wp.empty(0, dtype=wp.float32, device=device)
+        if (auto := camera.auto_exposure) is not None:
+            metering = Metering()
+            metering.key, (metering.lowest, metering.highest), metering.rate = auto.key, auto.limits, auto.rate
+            automatic = wp.full(worlds, math.nan, dtype=wp.float32, device=device)
+            self.arrays["auto_exposure"] = automatic
+        weights = np.zeros(0, np.float32) if camera.bloom is None else camera.bloom.weights(camera.height)
+        return FilmArrays(
+            exposures=self.arrays["exposure"],
+            gains=self.arrays["gain"],
+            metering=metering,
+            automatic=automatic,
+            before=wp.empty(automatic.size, dtype=wp.float32, device=device),
+            weights=wp.array(weights, dtype=wp.float32, device=device),
+            strength=0.0 if camera.bloom is None else camera.bloom.strength,
+        )
 
     def _own(self, name: str, value: Any, dtype: Any, may_be_infinite: bool = False) -> None:
         width = {wp.vec3: (3,), wp.vec4: (4,)}.get(dtype, ())
@@ -312,8 +336,10 @@ def pose_bytes(camera: Camera) -> int:
     numbers = 2  # near and far
     if isinstance(camera.background, np.ndarray):
         numbers += 3
-    if camera.exposure is not None or camera.gain is not None:
+    if camera.has_exposure:
         numbers += 1 + 3
+    if camera.auto_exposure is not None:
+        numbers += 2  # the last frame's and that before
     if camera.is_own:
         numbers += 3 + 4  # position, rotation
     if camera.lens is not None:
@@ -324,14 +350,15 @@ def pose_bytes(camera: Camera) -> int:
 def shared_bytes(camera: Camera, scene: Scene) -> int:
     """Bytes of what a camera has beside, however many worlds there are.
 
-    These are a lens's table, that there is no skybox, and which shapes it sees if it does not see all.
+    These are a lens's table, a bloom's weights, that there is no skybox, and which shapes it sees if not all.
     """
     table = 0
     if isinstance(camera.lens, RayTableLens):
         for across, down in dict.fromkeys([(1, 1), parts_of(camera)]):
             table += camera.lens.bytes(across * camera.width, down * camera.height, scene.num_worlds)
     seen = 4 * (len(kept_shapes(camera, scene)) + scene.tables().num_shapes) if camera.exclude_bodies else 0
-    return table + seen + 4 * isinstance(camera.background, np.ndarray)
+    blur = 0 if camera.bloom is None else camera.bloom.weights(camera.height).nbytes
+    return table + seen + blur + 4 * isinstance(camera.background, np.ndarray)
 
 
 def _worst(numbers: np.ndarray, low: float, high: float) -> float:

@@ -12,7 +12,9 @@ from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.passes.film import FilmArrays, bind_again
 from warpcam.kernels.passes.paths import bind_more
+from warpcam.kernels.plan.film import LIGHT
 from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
 from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.plan.passes import PASSES
@@ -62,6 +64,8 @@ def request_of(
         antialiasing=camera.antialiasing,
         tone_mapping=camera.tone_mapping,
         paths=paths,
+        metered=camera.auto_exposure is not None,
+        bloom=camera.bloom is not None,
         ambient_occlusion=occlusion.radius is not None,
         soft_shadows=occlusion.soft,
     )
@@ -114,6 +118,7 @@ class CameraPasses:
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
         occlusion: What hides light.
+        film: FilmArrays, where what is shown depends on the light of a whole image.
 
     Attributes:
         plan: Of all worlds drawn together.
@@ -131,6 +136,7 @@ class CameraPasses:
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
         occlusion: Occlusion = NO_OCCLUSION,
+        film: FilmArrays | None = None,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
@@ -143,7 +149,7 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._paths = None
+        self._paths, self._film = None, film
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
         self._occlusion = make_occlusion(tables, occlusion.radius, device) if traces_occlusion(plan.keys) else None
@@ -169,10 +175,13 @@ class CameraPasses:
         faults: wp.array,
     ) -> tuple[FramePlan, Stages]:
         """Plan and bind the stages that make the images of a group of worlds, by way of ``buffers``."""
-        request, seen = self._request, self.seen
-        plan = plan_frame(tables, request, self._device, group)
+        seen, plan = self.seen, plan_frame(tables, self._request, self._device, group)
+        request = self._request.undeveloped
         parts = {name.removeprefix(FINE): buffer for name, buffer in buffers.items() if name.startswith(FINE)}
         finer = {name: _as_image(parts[name], name) for name in request.fine.outputs if name in parts}
+        images = self.images | {FINE + name: image for name, image in finer.items()}
+        if LIGHT in buffers:
+            images["hdr"] = _as_image(buffers[LIGHT], "hdr")
         frame = CameraFrame(
             tables=tables,
             width=request.width,
@@ -181,7 +190,7 @@ class CameraPasses:
             views=seen.views,
             mask=mask,
             faults=faults,
-            images=self.images | {FINE + name: image for name, image in finer.items()},
+            images=images,
             buffers=buffers,
             mirrors=seen.mirrors,
             mirrored=seen.mirrored,
@@ -191,13 +200,14 @@ class CameraPasses:
             device=self._device,
             parts=request.parts,
             paths=self._paths,
+            film=self._film,
             occlusion=self._occlusion,
         )
         visibility, shading = _bound(plan, frame)
         if plan.fine is not None and self.finer is not None:
             first, second = _bound(plan.fine, self._finer_frame(frame, self.finer, finer, parts))
             visibility, shading = [*visibility, *first], [*second, *shading]  # means come last
-        adding = bind_more(plan.shading, frame) if plan.paths else []
+        adding = [*bind_more(plan.shading, frame), *bind_again(plan.shading, frame)] if plan.paths else []
         return plan, Stages(visibility, shading, adding)
 
     def _finer_frame(

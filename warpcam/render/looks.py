@@ -1,5 +1,6 @@
 """Looks of a scene: how its lit images are made."""
 
+import itertools
 import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -141,16 +142,18 @@ class Look:
         self.more = wp.zeros(1, dtype=wp.int32, device=device)
         return self.options, self.more
 
-    def check_tone_mapping(self, cameras: Iterable[Camera]) -> None:
-        """Raise for a camera whose curve of display colours this look has not."""
-        why = ""
+    def check_display(self, cameras: Iterable[Camera]) -> None:
+        """Raise for a camera whose curve of display colours, automatic exposure or bloom this look has not."""
         if self.name == "mujoco":
-            why = "the look is 'mujoco', which has 'clip' alone; look='pbr' and look='path' have all"
+            why, more = "the look is 'mujoco', which has", "; look='pbr' and look='path' have all"
         elif self._has_splats:
-            why = "the scene has clouds of Gaussians, whose colours are a display's: 'clip' alone is allowed"
-        for camera in cameras:
-            if why and camera.tone_mapping != "clip":
-                raise WarpcamError(f"{camera.where}: tone_mapping is {camera.tone_mapping!r}, and {why}")
+            why, more = "the scene has clouds of Gaussians, whose colours are a display's; they have", ""
+        else:
+            return
+        plain = {"tone_mapping": "clip", "auto_exposure": None, "bloom": None}
+        for camera, (name, allowed) in itertools.product(cameras, plain.items()):
+            if (value := getattr(camera, name)) != allowed:
+                raise WarpcamError(f"{camera.where}: {name} is {value!r}, and {why} {allowed!r} alone{more}")
 
     def occlusion(self, ambient_occlusion: Any, soft_shadows: Any, cameras: Iterable[Camera]) -> Occlusion:
         """What hides light, as it came to a renderer, or the error that says what is wrong with it."""

@@ -84,7 +84,7 @@ def estimate_memory(
     """
     by_key = check_cameras(scene, cameras)
     own = Look(look, None, scene)
-    own.check_tone_mapping(by_key.values())
+    own.check_display(by_key.values())
     occlusion = own.occlusion(ambient_occlusion, soft_shadows, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():

@@ -102,8 +102,8 @@ class Renderer(RenderedTensors):
         self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
         paths = self._look.paths(scene.device)
         self._passes = {
-            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device, paths, occlusion)
-            for key, camera in self._cameras.items()
+            key: CameraPasses(camera, binding.projection, tables, scene.device, paths, occlusion, binding.film)
+            for (key, camera), binding in zip(self._cameras.items(), self._bindings.values(), strict=True)
         }
         self._selection = Selection(scene.num_worlds, scene.device)
         self._histories = [(key, target.history) for key, target in self._passes.items() if target.history is not None]

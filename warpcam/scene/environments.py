@@ -19,6 +19,7 @@ from warpcam.kernels.types import SKY_TERMS, EnvironmentMaps
 from warpcam.scene.scene import Scene
 from warpcam.textures.light_files import read_light
 from warpcam.textures.panorama import sky_of_panorama
+from warpcam.textures.sky_model import sky_image
 
 # From the axes of sky_of_panorama(), left, up, middle, to those of the kernels: middle, left, up.
 AXES = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
@@ -100,6 +101,31 @@ class Environments(WorldArrays):
         self._sky = wp.zeros((worlds, SKY_TERMS + 1), dtype=wp.vec3, device=device)
         self._stage = bind_environments(placed, self._rows, self._sky, device)
         self._maps: dict[bool, Any] = {}
+
+    @staticmethod
+    def sky(
+        sun_direction: Any, turbidity: float = 3.0, *, albedo: float = 0.2, sun: bool = True, height: int = 512
+    ) -> np.ndarray:
+        """Make an image of a clear sky and its sun by closed formulas, to be given as one of ``images``.
+
+        The sky is that of Preetham, Shirley and Smits, A Practical Analytic Model for Daylight (1999); the sun is a
+        disk of 0.53 degrees, or of a texel where that is wider, dimmed by air and aerosols as there. Below the horizon
+        is even, matt ground. A luminance of 30,000 cd/m^2 is 1: a white surface under a clear noon shows about that.
+
+        Args:
+            sun_direction: To the sun, (3,), in the image's axes: +z is up; the world's, where nothing turns the image.
+            turbidity: Haze of the air, from 2, clear, to 10.
+            albedo: Share of light that the ground reflects, in [0, 1].
+            sun: False leaves the sun out, also of the light on the ground, for a light of the scene to be it.
+            height: Rows of the image, from 8 to 4,096.
+
+        Returns:
+            Linear radiance, Rec. 709, (height, 2 height, 3) float32.
+
+        Raises:
+            WarpcamError: An argument cannot be used; the sun must be above the horizon.
+        """
+        return sky_image(sun_direction, turbidity, albedo, sun, height)
 
     def scene(self) -> Scene:
         """The scene that it lights."""
@@ -191,6 +217,9 @@ def _factors(intensity: Any, worlds: int) -> np.ndarray:
     factors = as_numbers(intensity, where)
     if factors.ndim == 0 or (factors.shape == (worlds,) and worlds != 3):
         factors = factors[..., None].repeat(3, axis=-1)
+    if factors.shape not in ((3,), (worlds, 3)):
+        allowed = dict.fromkeys(("one number", (3,), (worlds,), (worlds, 3)))
+        raise WarpcamError(f"{where} must have shape {', '.join(map(str, allowed))}, got {intensity!r}")
     return per_world(factors, where, worlds, (3,))
 
 

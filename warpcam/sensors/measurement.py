@@ -14,7 +14,6 @@ from warpcam.core.errors import WarpcamError
 from warpcam.core.shared_memory import shared
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.flags import Lens
-from warpcam.kernels.plan.occlusion import OccluderKey
 from warpcam.kernels.runtime.indices import COLOR_STRIP, STRIP, strips_of
 from warpcam.kernels.runtime.launch import Stage, bind_launch
 from warpcam.render.drawn_cameras import drawn_cameras
@@ -217,8 +216,7 @@ class Measurement:
         return drawn_cameras(self._renderer, "Rig")[1][self._camera].camera
 
     def _is_pinhole(self) -> bool:
-        keys = self._renderer.plan[self._camera].keys
-        lenses = {key.lens for key in keys if not isinstance(key, OccluderKey)}
+        lenses = {key.lens for key in self._renderer.plan[self._camera].keys if hasattr(key, "lens")}
         return lenses == {Lens.PINHOLE}
 
     def _parameters(self) -> WorldArrays:

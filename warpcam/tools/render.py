@@ -20,7 +20,6 @@ from warpcam.camera.camera import ToneMapping
 from warpcam.core import torch_interop
 from warpcam.core.errors import WarpcamError
 from warpcam.core.file_access import FileAccess
-from warpcam.render.looks import LookName
 from warpcam.render.paths import PathOptions
 from warpcam.sources.common import formats
 from warpcam.sources.common.optional import import_source
@@ -61,9 +60,7 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"measure depth as this camera does: {', '.join(SENSORS)} (default: the truth)",
     )
-    command.add_argument(
-        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
-    )
+    scene_options.add_look(command)
     command.add_argument(
         "--samples",
         type=int,
@@ -77,12 +74,6 @@ def add(command: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"curve from light to colours of --look pbr and path: {', '.join(get_args(ToneMapping))} "
         "(default: %(default)s)",
-    )
-    command.add_argument(
-        "--environment",
-        type=Path,
-        metavar="FILE",
-        help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
     )
     command.add_argument(
         "--ambient-occlusion",
@@ -138,13 +129,12 @@ def run(options: argparse.Namespace) -> int:
             )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
-        environments = None if options.environment is None else warpcam.Environments(scene, options.environment)
         renderer = warpcam.Renderer(
             scene,
             cameras,
             look=options.look,
             path=paths,
-            environments=environments,
+            environments=scene_options.environments_of(options, scene),
             ambient_occlusion=options.ambient_occlusion,
             soft_shadows=options.soft_shadows,
         )

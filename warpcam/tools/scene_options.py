@@ -2,12 +2,16 @@
 
 import argparse
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import warp as wp
 
 from warpcam.core.device import resolve
 from warpcam.core.errors import WarpcamError
+from warpcam.render.looks import LookName, looks_of
+from warpcam.scene.environments import Environments
+from warpcam.scene.scene import Scene
 from warpcam.sources.common import formats
 from warpcam.sources.common.splats import Splats
 from warpcam.sources.mujoco import batch_file
@@ -37,6 +41,31 @@ def add(command: argparse.ArgumentParser, worlds: int, size: str) -> None:
     command.add_argument("--size", default=size, metavar="WxH", help="of one image (default: %(default)s)")
     command.add_argument("--device", metavar="D", help="cpu, cuda:0, ... (default: the first GPU, or the CPU)")
     command.add_argument("--seed", type=int, default=0, help="of the random joint positions (default: %(default)s)")
+
+
+def add_look(command: argparse.ArgumentParser) -> None:
+    """Add the arguments that say how colours are lit."""
+    command.add_argument(
+        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
+    )
+    command.add_argument(
+        "--environment",
+        type=Path,
+        metavar="FILE",
+        help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
+    )
+
+
+def environments_of(options: argparse.Namespace, scene: Scene) -> Environments | None:
+    """The argument ``environments`` of ``Renderer``."""
+    if options.environment is None:
+        return None
+    if (options.look or looks_of(scene)[0]) == "mujoco":
+        own = "that of --look" if options.look else "the scene's own"
+        raise WarpcamError(
+            f"--environment: it lights --look pbr and --look path, and the look is 'mujoco', {own}; add --look pbr"
+        )
+    return Environments(scene, options.environment)
 
 
 def splats_of(options: argparse.Namespace) -> list[Splats]:

@@ -2,11 +2,10 @@
 
 import argparse
 import time
-from typing import Any, NoReturn, get_args
+from typing import Any, NoReturn
 
 import warpcam
 from warpcam.core.file_access import FileAccess
-from warpcam.render.looks import LookName
 from warpcam.sources.common import formats
 from warpcam.sources.mujoco import batch_file
 from warpcam.tools import scene_access, scene_options
@@ -25,9 +24,7 @@ def add(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--port", type=int, default=8080, metavar="P", help="there (default: %(default)s, or the next)"
     )
-    command.add_argument(
-        "--look", choices=get_args(LookName), metavar="NAME", help="mujoco, pbr or path (default: the scene's own)"
-    )
+    scene_options.add_look(command)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -42,7 +39,15 @@ def run(options: argparse.Namespace) -> int:
         access = FileAccess(path, **scene_access.options_of(options))
         simulation = Simulation(path, options.worlds, options.seed, access)
         scene = warpcam.from_mujoco(simulation.host, simulation.states, device=device, splats=splats)
-    viewer = Viewer(scene, width=width, height=height, host=options.host, port=options.port, look=options.look)
+    viewer = Viewer(
+        scene,
+        width=width,
+        height=height,
+        host=options.host,
+        port=options.port,
+        look=options.look,
+        environments=scene_options.environments_of(options, scene),
+    )
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
     try:
         _look(viewer, simulation)

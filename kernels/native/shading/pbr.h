@@ -45,7 +45,8 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
                               + mul(back.gloss, broadcast<Vector>(as_vec3(area_light.specular))));
         light = select(lit, light + own, light);
     }
-    const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
+    const Vector up = transform(rotation, normal), reflected = transform(rotation, 2.0f * slant * normal - to_eye);
+    const Vector mirror = lobe_direction(up, reflected, inputs.bsdf.roughness);
     const Vector even = around + sky_on(list.sky, up);
     const auto reflected_sky = [&] {
         if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0) {

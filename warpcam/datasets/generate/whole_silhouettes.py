@@ -45,6 +45,8 @@ class WholeSilhouettes:
                 exposure=None,
                 gain=None,
                 tone_mapping="clip",
+                auto_exposure=None,
+                bloom=None,
             )
             for camera in cameras
         ]

@@ -40,7 +40,7 @@ def readable(path: Path, data: bytes, access: FileAccess) -> bytes:
 
     Raises:
         RefusedError: The header says of more elements than there may be.
-        WarpcamError: The file ends too early.
+        WarpcamError: The file ends too early, or has no vertices.
     """
     end = data.find(b"end_header")
     lines = [line.split() for line in data[: max(end, 0)].decode("latin-1").splitlines()]
@@ -49,6 +49,8 @@ def readable(path: Path, data: bytes, access: FileAccess) -> bytes:
     for words in lines:
         if words[:1] == ["element"] and len(words) == 3 and words[2].isdigit():
             access.check("elements", int(words[2]), f"{path}: its header says of {words[1]!r} that it")
+    if any(element.name == "vertex" and element.count == 0 for element in elements):
+        raise WarpcamError(f"{path}: has 0 vertices: neither Gaussian splats nor triangles to draw")
     faces = next((element for element in elements if element.name in ("face", STRIPS)), None)
     if form not in ORDERS or faces is None or not set(INDICES) & set(faces.properties):
         return data
