@@ -130,6 +130,7 @@ class ShadingFlag(IntFlag):
     HAS_MAPS = 1 << 13  # some material has more than the texture of its colour
     WRITE_BACK_TRANSPARENT = 1 << 14  # what covers most of a pixel replaces the trace's result there
     GENERAL_PLANES = 1 << 15  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
+    HAS_REFLECTIONS = 1 << 17  # what surfaces mirror and what is seen through them: native/path/reflections.h
     HAS_OFFSETS = 1 << 20  # textures are moved
     PER_WORLD_BACKGROUND = 1 << 21
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own

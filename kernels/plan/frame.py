@@ -16,7 +16,7 @@ from warpcam.kernels.plan import edges, history, launches, paths, shading, shado
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
-from warpcam.kernels.plan.paths import PathKey, PathListKey
+from warpcam.kernels.plan.paths import PathKey, PathListKey, ReflectionKey
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
 from warpcam.kernels.plan.shadow import ShadowKey
@@ -28,7 +28,7 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey
+    | PathListKey | PathKey | ReflectionKey
 )  # fmt: skip
 
 Key = TypeVar("Key")
@@ -37,6 +37,7 @@ Result = TypeVar("Result")
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
+REFLECTIONS = f"{BUFFER}reflections"
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
 
 Arrays = tuple[tuple[str, str], ...]  # what a pass calls an array, and the name of the image or buffer
@@ -112,6 +113,11 @@ class FramePlan:
                 yield FINE + name, dtype, size
             drawn = {name for each in self.fine.passes for _, name in each.arrays}
             yield from ((FINE + name, dtype, size) for name, dtype in LIT_PIXELS.items() if name in drawn)
+
+    @property
+    def reflects(self) -> bool:
+        """Rays find what surfaces mirror."""
+        return any(name == REFLECTIONS for name, _ in self.buffers) or (self.fine is not None and self.fine.reflects)
 
     @property
     def keys(self) -> tuple[KernelKey, ...]:
@@ -249,6 +255,7 @@ def _buffers(
         "shape": transparent or (needed and "shape" not in images),
         "face": faces,
         "shadow": request.shadows and tables.num_lights > 0 and any(output.lit for output in asked),
+        "reflections": request.reflections and any(output.lit for output in asked),
         "mirror depth": mirrors,
         "mirror shape": mirrors,
         "mirror face": mirrors and faces,
@@ -259,6 +266,7 @@ def _buffers(
         "shape": ids,
         "face": faces_dtype,
         "shadow": wp.uint8,
+        "reflections": wp.vec4,
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
     return chosen | {f"{BUFFER}lit {name}": LIT_PIXELS[name] for name in smooth}
@@ -299,8 +307,13 @@ class _Planner:
         shaded = tuple((name, lit_into.get(name, name)) for name in derived if name in PASSES["shading"].writes)
         if shaded:
             write_back = bool(smooth) and opaque and tables.physical is None and tables.splats is None
-            launch = self._shading(shaded, bool(shadows), mirrors=reflecting, write_back=write_back)
-            last.append(self._pass("shading", launch, (*seen, *shadows, *shaded)))
+            mixed = ((("reflections", REFLECTIONS),) if REFLECTIONS in self.buffers else ()) if lit else ()
+            if mixed:
+                last += self._reflections(bool(shadows), (*seen, *mixed))
+            launch = self._shading(
+                shaded, bool(shadows), mirrors=reflecting, write_back=write_back, reflections=bool(mixed)
+            )
+            last.append(self._pass("shading", launch, (*seen, *shadows, *mixed, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -338,6 +351,15 @@ class _Planner:
             trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view
         )
         return self._pass("trace", launch, arrays)
+
+    def _reflections(self, shadows: bool, arrays: Arrays) -> list[PlannedPass[Any]]:
+        """Passes that find what smooth surfaces mirror and what is seen through clear ones."""
+        tables, request, device = self.tables, self.request, self.device
+        key = paths.plan_reflections(tables, request, device, shadows=shadows)
+        return [
+            PlannedPass("path shapes", paths.plan_list(tables, request, device), paths.LIST_THREADS),
+            PlannedPass("reflections", key, request.width * request.height, arrays),
+        ]
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
         """Passes that draw into the images what mirrors show; the mirrors' own colour comes on top."""

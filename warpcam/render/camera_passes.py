@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Projection
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
@@ -20,13 +21,18 @@ from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.render.flow_history import CameraHistory, needs_history
-from warpcam.render.paths import PathOptions, make_paths
+from warpcam.render.paths import PathOptions, make_lists, make_paths
 
 MAX_PIXELS = 2**31
 
 
-def check_size(camera: Camera, num_worlds: int) -> None:
-    across, down = parts_of(camera)
+def check_size(camera: Camera, num_worlds: int, reflections: bool = False) -> None:
+    across, down = parts_of(camera, reflections)
+    if across > 1 and isinstance(camera.lens, RayTableLens) and not camera.lens.has_parts:
+        raise WarpcamError(
+            f"{camera.where}: antialiasing is {camera.antialiasing} and the renderer has reflections, which takes rays "
+            f"of a pixel's parts, and {type(camera.lens).__name__} has a ray for each pixel; 1 is allowed"
+        )
     if num_worlds * camera.height * camera.width * across * down >= MAX_PIXELS:
         parts = f" with antialiasing={camera.antialiasing}, of {across * down} parts each," if across > 1 else ""
         raise WarpcamError(
@@ -35,13 +41,22 @@ def check_size(camera: Camera, num_worlds: int) -> None:
         )
 
 
-def parts_of(camera: Camera) -> tuple[int, int]:
+def parts_of(camera: Camera, reflections: bool = False) -> tuple[int, int]:
     """Parts of a pixel, across and down, that are drawn as pixels of a finer image; (1, 1) where none is."""
-    return request_of(camera, "pinhole").parts
+    return request_of(camera, "pinhole", reflections=reflections).parts
 
 
-def request_of(camera: Camera, projection: Projection, paths: bool = False) -> ImageRequest:
-    """The images that a camera asks for; ``paths``: lit ones are traced by paths of light."""
+def request_of(
+    camera: Camera, projection: Projection, paths: bool = False, reflections: bool = False
+) -> ImageRequest:
+    """The images that a camera asks for.
+
+    Args:
+        camera: The camera.
+        projection: Of its rays.
+        paths: Lit images are traced by paths of light.
+        reflections: Rays find what surfaces mirror, and what is seen through clear ones.
+    """
     return ImageRequest(
         camera.width,
         camera.height,
@@ -51,6 +66,7 @@ def request_of(camera: Camera, projection: Projection, paths: bool = False) -> I
         antialiasing=camera.antialiasing,
         tone_mapping=camera.tone_mapping,
         paths=paths,
+        reflections=reflections,
     )
 
 
@@ -100,6 +116,7 @@ class CameraPasses:
         tables: The scene.
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
+        reflections: Rays find what surfaces mirror, and what is seen through clear ones.
 
     Attributes:
         plan: Of all worlds drawn together.
@@ -116,10 +133,11 @@ class CameraPasses:
         tables: SceneTables,
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
+        reflections: bool = False,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
-        self._request, self._device = request_of(camera, projection, paths is not None), device
+        self._request, self._device = request_of(camera, projection, paths is not None, reflections), device
         self.plan = plan_frame(tables, self._request, device)
         plan, parts = self.plan, self._request.parts
         self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
@@ -128,7 +146,7 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._paths = None
+        self._paths = make_lists(tables, device) if plan.reflects else None
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
         listed = plan.lists is not None

@@ -16,7 +16,7 @@ from warpcam.render.camera_binding import pose_bytes, projection_of, shared_byte
 from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
 from warpcam.render.looks import Look, LookName
-from warpcam.render.paths import path_bytes
+from warpcam.render.paths import list_bytes, path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.scene import Scene
 
@@ -55,8 +55,10 @@ class Memory:
         return "\n".join(f"{name:<{wide}} {count / 1e6:>12,.3f} MB" for name, count in rows)
 
 
-def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName | None = None) -> Memory:
-    """Estimate the memory that ``Renderer(scene, cameras, look=look)`` would allocate on the scene's device [bytes].
+def estimate_memory(
+    scene: Scene, cameras: Sequence[Camera], *, look: LookName | None = None, reflections: bool = False
+) -> Memory:
+    """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
 
     Allocates nothing.
 
@@ -66,19 +68,20 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
         scene: What to look at.
         cameras: Each under its own name.
         look: As the renderer takes it.
+        reflections: Likewise.
 
     Raises:
         WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
             little free: that is the renderer's to say.
     """
     by_key = check_cameras(scene, cameras)
-    own = Look(look, None, scene)
+    own = Look(look, None, scene, reflections=reflections)
     own.check_tone_mapping(by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
-        check_size(camera, scene.num_worlds)
+        check_size(camera, scene.num_worlds, own.reflections)
     plans = {
-        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths), scene.device)
+        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths, own.reflections), scene.device)
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
@@ -91,8 +94,9 @@ def estimate_memory(scene: Scene, cameras: Sequence[Camera], *, look: LookName |
         images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
-        + sum(shared_bytes(one, scene) for one in by_key.values())
+        + sum(shared_bytes(one, scene, own.reflections) for one in by_key.values())
         + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
+        + sum(list_bytes(tables) for plan in plans.values() if plan.reflects)
         + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )

@@ -55,6 +55,8 @@ class Renderer(RenderedTensors):
             real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
         environments: Light from all around, from images in float; not with look="mujoco".
+        reflections: One ray for each pixel finds what smooth surfaces mirror, and one what is seen through clear ones;
+            only with look="pbr".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
@@ -82,6 +84,7 @@ class Renderer(RenderedTensors):
         look: LookName | None = None,
         path: PathOptions | None = None,
         environments: Environments | None = None,
+        reflections: bool = False,
     ):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
@@ -89,15 +92,15 @@ class Renderer(RenderedTensors):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
-        self._look = Look(look, path, scene, environments)
-        self.memory = estimate_memory(scene, cameras, look=look)
+        self._look = Look(look, path, scene, environments, reflections)
+        self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())
-        self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
+        self._bindings = {key: CameraBinding(camera, scene, reflections) for key, camera in self._cameras.items()}
         paths = self._look.paths(scene.device)
         self._passes = {
-            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device, paths)
+            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device, paths, self._look.reflections)
             for key, camera in self._cameras.items()
         }
         self._selection = Selection(scene.num_worlds, scene.device)

@@ -85,6 +85,11 @@ def add(command: argparse.ArgumentParser) -> None:
         help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
     )
     command.add_argument(
+        "--reflections",
+        action="store_true",
+        help="trace what smooth surfaces mirror and what is seen through clear ones, with --look pbr",
+    )
+    command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
@@ -132,7 +137,14 @@ def run(options: argparse.Namespace) -> int:
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
         ]
         environments = None if options.environment is None else warpcam.Environments(scene, options.environment)
-        renderer = warpcam.Renderer(scene, cameras, look=options.look, path=paths, environments=environments)
+        renderer = warpcam.Renderer(
+            scene,
+            cameras,
+            look=options.look,
+            path=paths,
+            environments=environments,
+            reflections=options.reflections,
+        )
         look, images = _drawing(renderer, cameras, model, options)
         progress.update(steps, description="first frame", advance=1)
         look()

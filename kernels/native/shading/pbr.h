@@ -13,15 +13,25 @@ template <class Scene_, class Physical_> struct PhysicalScene : Scene_ {
 template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Physical_&)
     -> PhysicalScene<Scene_, Physical_>;
 
-// The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
-// light l, of those that are kept, does not reach it.
+// Light from all around as a surface of that roughness mirrors it, about the mirror direction, in the world.
 template <int FLAGS, class Scene_, class Vector>
-WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const AreaLights& list, const Scene_& scene,
+WARPCAM_DEVICE Vector mirrored_sky(const Sky& sky, const Scene_& scene, Vector mirror, NumberOf<Vector> roughness)
+{
+    if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0)
+        return lobe_of(load_environment(scene.physical.environments, sky.world), mirror, roughness * roughness);
+    else
+        return sky_along<(FLAGS & HAS_SKYBOX) != 0>(sky, scene.textures, scene.background, mirror, roughness);
+}
+
+// The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
+// light l, of those that are kept, does not reach it. `list`: AreaLights, or WorldLights of path/lit_surface.h.
+template <int FLAGS, class Lights_, class Scene_, class Vector>
+WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Lights_& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
                                      IntOf<Vector> shadow)
 {
     using Number = NumberOf<Vector>;
-    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS, IMAGE = FLAGS & HAS_SKYBOX;
+    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
     Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
@@ -47,15 +57,7 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
     }
     const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
     const Vector even = around + sky_on(list.sky, up);
-    const auto reflected_sky = [&] {
-        if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0) {
-            const Number alpha = inputs.bsdf.roughness * inputs.bsdf.roughness;
-            return lobe_of(load_environment(scene.physical.environments, list.sky.world), mirror, alpha);
-        } else {
-            return sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, inputs.bsdf.roughness);
-        }
-    };
-    const Vector mirrored = around + reflected_sky();
+    const Vector mirrored = around + mirrored_sky<FLAGS>(list.sky, scene, mirror, inputs.bsdf.roughness);
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
 
