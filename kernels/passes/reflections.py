@@ -21,7 +21,7 @@ from warpcam.kernels.types import Background, HeightFields, Materials, Meshes, P
 
 @functools.cache
 def _frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """Struct of what the trace has found in one camera's images, of the shapes that rays meet, and of what is written."""
+    """Struct of what the trace has found in one camera's images, of the shapes that rays meet, and of the result."""
     fields = {
         "horizon": wp.float32,  # see SceneTables
         "overrides": WorldOverrides,

@@ -64,9 +64,7 @@ def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) ->
     return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
 
 
-def plan_reflections(
-    tables: SceneTables, request: ImageRequest, device: wp.Device, *, shadows: bool
-) -> ReflectionKey:
+def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device, *, shadows: bool) -> ReflectionKey:
     """The kernel that traces the reflections of a request; ``shadows``: what is mirrored has shadows."""
     flags = _flags(tables) | flag_if(ShadingFlag.HAS_SHADOWS, shadows)
     return ReflectionKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)

@@ -25,6 +25,7 @@
 #include "splats/gaussian_blend.h"
 #include "traversal/visibility.h"
 #include "path/path_tracer.h"
+#include "path/reflections.h"
 
 // Kernels that call none of these are compiled as Warp compiles others.
 #pragma clang fp contract(off)

@@ -80,6 +80,7 @@ def _render(
     backs: bool = False,
     look: Any = None,
     sky: bool = False,
+    reflections: bool = False,
     **options: Any,
 ) -> None:
     position = (0.0, -2.0, 0.6)
@@ -93,7 +94,7 @@ def _render(
     )
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs)
     environments = wc.Environments(scene, np.ones((4, 8, 3), np.float32)) if sky else None
-    wc.Renderer(scene, [camera], look=look, environments=environments)
+    wc.Renderer(scene, [camera], look=look, environments=environments, reflections=reflections)
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -232,6 +233,15 @@ def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> N
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
     names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments")
     assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 2
+
+
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Fisheye(fovy=100.0)])
+def test_of_reflections(lens: Any, card: list[launch.Stage], folder: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom size=".2" rgba="1 1 1 .5"/>'
+    mjm = scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS)
+    _render(mjm, ("rgb", "hdr"), look="pbr", reflections=True, lens=lens, sky=lens.projection == "pinhole")
+    names = ("trace_reflections", "list_path_shapes", "write_images")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 3
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])

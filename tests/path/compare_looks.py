@@ -1,13 +1,13 @@
 """``python -m tests.path.compare_looks``: FLIP of the look "pbr" beside "path", on the scenes compared with Mitsuba.
 
 Prints a table in Markdown. Cameras are those of the comparison; pictures are ``rgb``, the real-time ones with shadows
-and smooth edges.
+and smooth edges, without and with reflections.
 """
 
 import argparse
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,26 +33,31 @@ class Row(NamedTuple):
 
     Attributes:
         scene: Its name.
-        flip: Mean FLIP of the two pictures, 0 to 1.
+        flip: Mean FLIP of "pbr" beside "path", 0 to 1.
+        reflected: The same with reflections.
         light: Mean radiance of "pbr" over that of "path".
+        reflected_light: The same with reflections.
     """
 
     scene: str
     flip: float
+    reflected: float
     light: float
+    reflected_light: float
 
 
 def compare(name: str, samples: int, device: wp.Device) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         stage = metric(Usd.Stage.CreateNew(str(Path(folder) / "stage.usda")))
         scene = scene_of(stage, judged.SCENES[name], device)
-        fast = _drawn(scene, "pbr", shadows=True, antialiasing=4)
-        reference = _drawn(scene, "path", wc.PathOptions(samples=samples))
-    flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
-    return Row(name, flip, float(fast["hdr"].mean() / reference["hdr"].mean()))
+        fast = [_drawn(scene, {"look": "pbr", "reflections": on}, shadows=True, antialiasing=4) for on in (False, True)]
+        reference = _drawn(scene, {"look": "path", "path": wc.PathOptions(samples=samples)})
+    flips = [image_metrics.flip(reference["rgb"], images["rgb"])[0] for images in fast]
+    light = [float(images["hdr"].mean() / reference["hdr"].mean()) for images in fast]
+    return Row(name, *flips, *light)
 
 
-def _drawn(scene: wc.Scene, look: Any, path: wc.PathOptions | None = None, **more: Any) -> dict[str, np.ndarray]:
+def _drawn(scene: wc.Scene, how: Mapping[str, Any], **more: Any) -> dict[str, np.ndarray]:
     camera = wc.Camera(
         CAMERA.name,
         width=judged.SIZE,
@@ -62,14 +67,18 @@ def _drawn(scene: wc.Scene, look: Any, path: wc.PathOptions | None = None, **mor
         outputs=("rgb", "hdr"),
         **more,
     )
-    images = wc.Renderer(scene, [camera], look=look, path=path).render()[CAMERA.name]
+    images = wc.Renderer(scene, [camera], **how).render()[CAMERA.name]
     return {name: image[0].cpu().numpy() for name, image in images.items()}
 
 
 def table(rows: Sequence[Row]) -> str:
-    lines = ["| scene | FLIP | light of `pbr` over that of `path` |", "|---|---:|---:|"]
-    lines += [f"| {row.scene} | {row.flip:.3f} | {row.light:.2f} |" for row in rows]
-    return "\n".join([*lines, f"| mean | {np.mean([row.flip for row in rows]):.3f} | |"])
+    lines = ["| scene | FLIP | with reflections | light of `pbr` over that of `path` | with reflections |"]
+    lines += ["|---|---:|---:|---:|---:|"]
+    for row in rows:
+        numbers = f"{row.flip:.3f} | {row.reflected:.3f} | {row.light:.2f} | {row.reflected_light:.2f}"
+        lines.append(f"| {row.scene} | {numbers} |")
+    means = [float(np.mean(column)) for column in zip(*((row.flip, row.reflected) for row in rows), strict=True)]
+    return "\n".join([*lines, f"| mean | {means[0]:.3f} | {means[1]:.3f} | | |"])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

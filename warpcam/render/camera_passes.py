@@ -46,9 +46,7 @@ def parts_of(camera: Camera, reflections: bool = False) -> tuple[int, int]:
     return request_of(camera, "pinhole", reflections=reflections).parts
 
 
-def request_of(
-    camera: Camera, projection: Projection, paths: bool = False, reflections: bool = False
-) -> ImageRequest:
+def request_of(camera: Camera, projection: Projection, paths: bool = False, reflections: bool = False) -> ImageRequest:
     """The images that a camera asks for.
 
     Args:

@@ -116,7 +116,9 @@ class Look:
         if not isinstance(reflections, bool | np.bool_):
             raise WarpcamError(f"Renderer: reflections must be True or False, got {reflections!r}")
         if reflections and self.name != "pbr":
-            raise WarpcamError(f"Renderer: reflections is True, which is of look='pbr' alone; the look is {self.name!r}")
+            raise WarpcamError(
+                f"Renderer: reflections is True, which is of look='pbr' alone; the look is {self.name!r}"
+            )
         if reflections and self._has_splats:
             raise WarpcamError(
                 "Renderer: reflections is True, and mirrors show no clouds of Gaussians, which this scene has"
@@ -185,8 +187,8 @@ def _tell_of_transmission(parts: SceneDescription) -> None:
         _told.add(parts)
         more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
         logging.getLogger("warpcam").warning(
-            "Renderer: look='pbr' draws no transmission but with reflections=True, and look='path' does; these materials "
-            "are drawn solid: %s%s",
+            "Renderer: look='pbr' draws no transmission without reflections=True, and look='path' does; these "
+            "materials are drawn solid: %s%s",
             ", ".join(names[:FEW]),
             more,
         )

@@ -100,7 +100,9 @@ class Renderer(RenderedTensors):
         self._bindings = {key: CameraBinding(camera, scene, reflections) for key, camera in self._cameras.items()}
         paths = self._look.paths(scene.device)
         self._passes = {
-            key: CameraPasses(camera, self._bindings[key].projection, tables, scene.device, paths, self._look.reflections)
+            key: CameraPasses(
+                camera, self._bindings[key].projection, tables, scene.device, paths, self._look.reflections
+            )
             for key, camera in self._cameras.items()
         }
         self._selection = Selection(scene.num_worlds, scene.device)

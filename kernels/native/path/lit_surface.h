@@ -32,9 +32,9 @@ template <class Physical> struct WorldLights {
 };
 
 // `head`: of the world's list of shapes; `headlight`: where its colours begin.
-template <class Physical>
-WARPCAM_DEVICE WorldLights<Physical> world_lights(const Physical& physical, const Camera& camera, const Camera& hub,
-                                                  const int* head, int world, int headlight)
+template <class Physical> WARPCAM_DEVICE WorldLights<Physical> world_lights(const Physical& physical,
+                                                                            const Camera& camera, const Camera& hub,
+                                                                            const int* head, int world, int headlight)
 {
     const int headlit = headlight_shines(physical.plain), count = min(head[NUM_LAMPS], MAX_LIGHTS - headlit);
     const Mat3& turn = camera.rotation;
@@ -81,7 +81,8 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     }
 
     // Bits of the lights that do not reach a surface, by one ray to each one's middle.
-    template <class Lights> WARPCAM_DEVICE int shadow_at(const Lights& list, const PathSurface& surface, int shape) const
+    template <class Lights>
+    WARPCAM_DEVICE int shadow_at(const Lights& list, const PathSurface& surface, int shape) const
     {
         int shadow = 0;
         if constexpr ((FLAGS & HAS_SHADOWS) != 0) {
@@ -105,11 +106,20 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
         return shadow;
     }
 
-    WARPCAM_DEVICE Vec3 light_of(const PbrInputs<Vec3>& inputs, const PathSurface& surface, int shape, Vec3 to_eye) const
+    WARPCAM_DEVICE Vec3 light_of(const PbrInputs<Vec3>& inputs, const PathSurface& surface, int shape,
+                                 Vec3 to_eye) const
     {
         const auto list = lights();
         return physical_light<FLAGS>(inputs, list, scene, hub.rotation, surface.point, surface.normal, to_eye,
                                      shadow_at(list, surface, shape));
+    }
+
+    // Light from all around on a white matt surface.
+    WARPCAM_DEVICE Vec3 sky_on_surface(Vec3 normal) const
+    {
+        Sky sky;
+        gather_sky(scene.physical, world, headlight_of<FLAGS>(world), sky);
+        return sky_on(sky, normal);
     }
 
     // Light from beyond all shapes along a direction, as wide as a surface of that roughness mirrors it.

@@ -10,8 +10,8 @@ namespace warpcam {
 // What a ray meets replaces the sky in the mirror direction, all of it up to SHARP_ROUGHNESS, and none of it from
 // ROUGHEST_MIRROR on, as one ray is no lobe.
 constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
-constexpr int MAX_LAYERS = 8;             // partly transparent surfaces along a ray
-constexpr int MAX_INTERNAL = 4;           // total reflections within a clear body
+constexpr int MAX_SEEN_THROUGH = 8;  // partly transparent surfaces along a ray
+constexpr int MAX_INTERNAL = 4;  // total reflections within a clear body
 constexpr float FAINTEST = 1.0f / 512.0f;  // share of light that a ray is followed for
 
 // What the light of a pixel is multiplied by, and what is added.
@@ -52,7 +52,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     WARPCAM_DEVICE Vec3 light_along(PathRay ray, PathQuery query, Vec3 beyond) const
     {
         Vec3 sum { 0.0f, 0.0f, 0.0f }, left { 1.0f, 1.0f, 1.0f };
-        for (int layer = 0; layer < MAX_LAYERS; ++layer) {
+        for (int layer = 0; layer < MAX_SEEN_THROUGH; ++layer) {
             const PathHit hit = trace(ray, query);
             if (hit.slot < 0)
                 return sum + mul(left, beyond);
@@ -132,23 +132,27 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
         const float blur =
             saturate((material.roughness - SHARP_ROUGHNESS) * (1.0f / (ROUGHEST_MIRROR - SHARP_ROUGHNESS)));
         const float sharp = 1.0f - blur * blur * (3.0f - 2.0f * blur), clear = surface.transmission;
-        Vec3 mirrored = beyond;
+        Vec3 seen = beyond;
         if (sharp > 0.0f && dot(direction, facing) > 0.0f)
-            mirrored = lerp_to(sharp, beyond,
-                               light_along({ surface.point + surface.margin * facing, direction },
-                                           query_from(scene.shapes, shape, -1, scene.frame.backs != 0), beyond));
-        const PbrInputs<Vec3> inputs = pbr_inputs_of(material);
+            seen = light_along({ surface.point + surface.margin * facing, direction },
+                               query_from(scene.shapes, shape, -1, scene.frame.backs != 0), beyond);
+        PbrInputs<Vec3> inputs = pbr_inputs_of(material);
+        inputs.bsdf.matt = none;  // facets alone
         const float cosine = max(dot(surface.normal, to_eye), 1.0e-4f);
-        PixelMix mix { (1.0f - clear) * inputs.open * environment_brdf(inputs.bsdf, cosine, none, mirrored - beyond),
-                       1.0f - clear };
+        const Vec3 replaced =
+            environment_brdf(inputs.bsdf, cosine, around + this->sky_on_surface(surface.normal), beyond);
+        // what facets reflect to each other comes from the mirror direction, too, so that a mirror keeps all light
+        const Vec3 light = environment_brdf(inputs.bsdf, cosine, seen, seen) - replaced;
+        PixelMix mix { (1.0f - clear) * inputs.open * sharp * light, 1.0f - clear };
         if (clear > 0.0f) {
-            const float reflected =
-                border_reflectance(cosine, refractive_index(material.reflectance), is_thin(shape));
+            const float reflected = border_reflectance(cosine, refractive_index(material.reflectance), is_thin(shape));
             PbrInputs<Vec3> border { {}, material.emission, 0.0f };  // lights' highlights, and what it emits
             set_reflection(border, none, material.roughness, 0.0f, material.reflectance);
-            const Vec3 light = light_of(border, surface, shape, to_eye)
-                               + lerp_to(reflected, refracted_light(surface, shape, to_eye, around), mirrored);
-            mix.added = mix.added + clear * light;
+            const Vec3 mirrored = lerp_to(sharp, beyond, seen);
+            mix.added = mix.added
+                        + clear
+                              * (light_of(border, surface, shape, to_eye)
+                                 + lerp_to(reflected, refracted_light(surface, shape, to_eye, around), mirrored));
         }
         return mix;
     }
