@@ -92,6 +92,7 @@ class TraceFlag(IntFlag):
     OPAQUE = 1 << 20  # transparent shapes are left out
     TRACE_ALBEDO = 1 << 21  # albedo is written, too: native/shading_pass/visibility_albedo.h
     IN_VIEW = 1 << 22  # the shapes in view have been listed: native/traversal/shapes_in_view.h
+    PROJECTED_FACES = 1 << 23  # of moving meshes: native/traversal/projected_faces.h
     FLOW = 1 << 24
     FLOW_VALID = 1 << 25
     FLOW_MOVES = 1 << 26  # some meshes move
@@ -131,6 +132,10 @@ class ShadingFlag(IntFlag):
     WRITE_BACK_TRANSPARENT = 1 << 14  # what covers most of a pixel replaces the trace's result there
     GENERAL_PLANES = 1 << 15  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
     HAS_REFLECTIONS = 1 << 17  # what surfaces mirror and what is seen through them: native/path/reflections.h
+    # of PHYSICAL scenes: rays tell what share of the light of each light, and of that from all around, reaches a pixel:
+    # native/shading/light_visibility.h
+    SOFT_SHADOWS = 1 << 18
+    AMBIENT_OCCLUSION = 1 << 19
     HAS_OFFSETS = 1 << 20  # textures are moved
     PER_WORLD_BACKGROUND = 1 << 21
     HEADLIGHTS = 1 << 22  # worlds have a headlight of their own

@@ -88,6 +88,7 @@ class Meshes:
     bounds_max: wp.array(dtype=wp.vec3)  # (mesh,)
     node_start: wp.array(dtype=wp.int32)  # (mesh,) row of its root node in `nodes`
     face_start: wp.array(dtype=wp.int32)  # (mesh,) row of its first face in `faces`
+    num_faces: wp.array(dtype=wp.int32)  # (mesh,) in `faces`, as often as they stand there
     # (row,) a node of the 4-wide tree. On a CPU 7 rows: lower x, y, z and upper x, y, z of four children, then the four
     # children as int bits: a node's index, or -(first_face * 16 + count) - 1 for a leaf; both relative to the mesh.
     # On CUDA 4 rows: x, y, z of four children, lower bounds in the lower halves of the words and upper bounds in the
@@ -222,8 +223,9 @@ class Physical:
     # (world*, material) share of what is not reflected that goes through, as in glass; only paths of light follow it
     transmission: wp.array2d(dtype=wp.float32)
     forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above
-    # (world*, light) sphere and disk (radius, -, -); rectangle (half width, half height, -); cylinder (radius, half
-    # length, -) [m]; directional lights (squared sine of the angle from the middle to the edge, -, -)
+    # (world*, light) point (radius of its bulb, which softens shadows alone, -, -); sphere and disk (radius, -, -);
+    # rectangle (half width, half height, -); cylinder (radius, half length, -) [m]; directional lights (squared
+    # sine of the angle from the middle to the edge, -, -)
     sizes: wp.array2d(dtype=wp.vec3)
     rotations: wp.array2d(dtype=wp.mat33)  # (world, light) columns are its axes; widths and lengths are along x
     # (world*, SKY_TERMS + 1) radiance from all around, linear: see native/shading/environment.h; last the factor of the

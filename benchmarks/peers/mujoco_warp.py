@@ -68,7 +68,8 @@ class MujocoWarpPeer:
                 # The getter clamps depth into [0, 1]: the buffer itself holds metres, camera after camera.
                 start, pixels = int(context.depth_adr.numpy()[camera]), size[1] * size[2]
                 depth = context.depth_data[:worlds].numpy()[:, start : start + pixels].reshape(size)
-                images["depth"] = np.where(images["segmentation"] < 0, np.inf, depth)
+                missed = images["segmentation"] < 0 if "segmentation" in images else depth <= 0.0
+                images["depth"] = np.where(missed, np.inf, depth)
             if "rgb" in self.wanted.outputs:
                 rgb = wp.zeros(size, dtype=wp.vec3)
                 mjw.get_rgb(context, camera, rgb)

@@ -38,6 +38,7 @@ class CameraFrame:
         group: Which worlds are drawn.
         device: Where all of these lie.
         paths: PathArrays of passes/paths.py, where lit images are traced by paths of light.
+        occlusion: OcclusionArrays of passes/occlusion.py, where rays tell how much light reaches a pixel.
     """
 
     tables: SceneTables
@@ -57,6 +58,7 @@ class CameraFrame:
     device: wp.Device
     parts: tuple[int, int] = (1, 1)
     paths: Any = None
+    occlusion: Any = None
 
     @property
     def layers(self) -> LayerTables:

@@ -8,7 +8,7 @@ import warp as wp
 from warpcam.kernels.flags import ShadingFlag
 from warpcam.kernels.layers import Haze, Mirror
 from warpcam.kernels.outputs import OUTPUTS
-from warpcam.kernels.passes.camera_frame import CameraFrame
+from warpcam.kernels.passes.camera_frame import CameraFrame, dtype_of
 from warpcam.kernels.passes.trace_target import visible_fields
 from warpcam.kernels.passes.world_overrides import WorldOverrides
 from warpcam.kernels.plan.frame import PlannedPass
@@ -33,12 +33,13 @@ from warpcam.kernels.types import (
 
 
 @functools.cache
-def frame_struct(kind: str, reflects: bool, shape_dtype: Any, face_dtype: Any) -> Any:
+def frame_struct(kind: str, visible_dtype: Any, reflects: bool, shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of one camera's visibility in all worlds: what the kernel reads.
 
     Args:
         kind: "plain"; "layered": with mirrors, transparent shapes and haze; "overridden": with what worlds have each
             for themselves, too. What was not asked for of these is empty.
+        visible_dtype: Type of the shares of light that reach a pixel, see occlusion.py; None where there are none.
         reflects: With what surfaces mirror.
         shape_dtype: Integer type of shape ids.
         face_dtype: Integer type of faces.
@@ -52,6 +53,8 @@ def frame_struct(kind: str, reflects: bool, shape_dtype: Any, face_dtype: Any) -
         "plane": wp.int32,
         "planes": wp.int32,  # how many there are
     }
+    if visible_dtype is not None:
+        fields["visible"] = wp.array(dtype=visible_dtype)  # (pixel,)
     if reflects:
         # (pixel,) light that is added to a pixel's, and in w what its own is multiplied by before
         fields["reflections"] = wp.array(dtype=wp.vec4)
@@ -116,7 +119,8 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     more, varied = flags & LAYER_FLAGS, flags & OVERRIDE_FLAGS and tables.world_overrides is not None
     reflects = bool(flags & ShadingFlag.HAS_REFLECTIONS)
     kind = "overridden" if varied else "layered" if more else "plain"
-    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, reflects))
+    visible = dtype_of(frame.find(planned, "visible"), None)
+    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible, reflects))
     if varied:
         seen.overrides = tables.world_overrides
     if more:
@@ -125,7 +129,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
-    frame.fill(planned, seen, ("shadow", "reflections") if reflects else ("shadow",))
+    frame.fill(planned, seen, ("shadow", "visible", "reflections") if reflects else ("shadow", "visible"))
     seen.horizon, seen.plane, seen.planes = tables.horizon, tables.first_plane, len(tables.planes)
     images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)

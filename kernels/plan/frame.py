@@ -10,11 +10,12 @@ from typing import Any, Generic, TypeVar
 
 import warp as wp
 
-from warpcam.kernels.flags import TRAVERSED, geometry_of
+from warpcam.kernels.flags import TRAVERSED, ShadingFlag, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
-from warpcam.kernels.plan import edges, history, launches, paths, shading, shadow, splats, trace
+from warpcam.kernels.plan import edges, history, launches, occlusion, paths, shading, shadow, splats, trace
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
+from warpcam.kernels.plan.occlusion import OccluderKey, OcclusionFilterKey, OcclusionKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
 from warpcam.kernels.plan.paths import PathKey, PathListKey, ReflectionKey
 from warpcam.kernels.plan.request import ImageRequest
@@ -28,7 +29,7 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey | ReflectionKey
+    | PathListKey | PathKey | ReflectionKey | OccluderKey | OcclusionKey | OcclusionFilterKey
 )  # fmt: skip
 
 Key = TypeVar("Key")
@@ -249,13 +250,17 @@ def _buffers(
     if request.lens in launches.TABLES:  # whose trace has the distance where others have depth
         images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
     faces = bool(geometry_of(tables.shape_types) & TRAVERSED) and any("face" in pass_of(name).needs for name in derived)
+    lit, shares = any(output.lit for output in asked), occlusion.shares_of(tables, request)
+    count = occlusion.num_shares(tables, shares)
     # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
     wanted = {
         "depth": transparent or (needed and "depth" not in images),
         "shape": transparent or (needed and "shape" not in images),
         "face": faces,
-        "shadow": request.shadows and tables.num_lights > 0 and any(output.lit for output in asked),
-        "reflections": request.reflections and any(output.lit for output in asked),
+        "shadow": request.shadows and tables.num_lights > 0 and lit and not shares & ShadingFlag.SOFT_SHADOWS,
+        "rays": lit and bool(shares),
+        "visible": lit and bool(shares),
+        "reflections": request.reflections and lit,
         "mirror depth": mirrors,
         "mirror shape": mirrors,
         "mirror face": mirrors and faces,
@@ -266,6 +271,8 @@ def _buffers(
         "shape": ids,
         "face": faces_dtype,
         "shadow": wp.uint8,
+        "rays": occlusion.pixel_bytes(occlusion.NORMAL_BYTES + count),
+        "visible": occlusion.pixel_bytes(count),
         "reflections": wp.vec4,
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
@@ -299,6 +306,10 @@ class _Planner:
         first = [self._trace(arrays, opaque)]
         if shadows:
             first.append(self._pass("shadow", self._plan(shadow.plan_shadow), (*seen, *shadows)))
+        visible: Arrays = ()
+        if lit and f"{BUFFER}visible" in self.buffers:
+            first += self._occlusion(seen)
+            visible = (("visible", f"{BUFFER}visible"),)
         last: list[PlannedPass[Any]] = []
         reflecting = self.mirrors and bool(lit)
         colors = tuple((name, lit_into.get(name, name)) for name in lit)
@@ -307,13 +318,13 @@ class _Planner:
         shaded = tuple((name, lit_into.get(name, name)) for name in derived if name in PASSES["shading"].writes)
         if shaded:
             write_back = bool(smooth) and opaque and tables.physical is None and tables.splats is None
+            shares = occlusion.shares_of(tables, request) if visible else ShadingFlag(0)
             mixed = ((("reflections", REFLECTIONS),) if REFLECTIONS in self.buffers else ()) if lit else ()
             if mixed:
-                last += self._reflections(bool(shadows), (*seen, *mixed))
-            launch = self._shading(
-                shaded, bool(shadows), mirrors=reflecting, write_back=write_back, reflections=bool(mixed)
-            )
-            last.append(self._pass("shading", launch, (*seen, *shadows, *mixed, *shaded)))
+                last += self._reflections((*seen, *mixed))
+            more = {"write_back": write_back, "reflections": bool(mixed)}
+            launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, **more)
+            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *mixed, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -352,13 +363,23 @@ class _Planner:
         )
         return self._pass("trace", launch, arrays)
 
-    def _reflections(self, shadows: bool, arrays: Arrays) -> list[PlannedPass[Any]]:
+    def _reflections(self, arrays: Arrays) -> list[PlannedPass[Any]]:
         """Passes that find what smooth surfaces mirror and what is seen through clear ones."""
         tables, request, device = self.tables, self.request, self.device
-        key = paths.plan_reflections(tables, request, device, shadows=shadows)
+        key = paths.plan_reflections(tables, request, device)
         return [
             PlannedPass("path shapes", paths.plan_list(tables, request, device), paths.LIST_THREADS),
             PlannedPass("reflections", key, request.width * request.height, arrays),
+        ]
+
+    def _occlusion(self, seen: Arrays) -> list[PlannedPass[Any]]:
+        """Passes that find what share of light reaches the surface of each pixel."""
+        keys = occlusion.plan_occlusion(self.tables, self.request, self.device)
+        pixels, rays = self.request.width * self.request.height, (*seen, ("rays", f"{BUFFER}rays"))
+        return [
+            PlannedPass("occluders", keys[0], occlusion.LIST_THREADS),
+            PlannedPass("occlusion rays", keys[1], pixels, rays),
+            PlannedPass("occlusion filter", keys[2], pixels, (*rays, ("visible", f"{BUFFER}visible"))),
         ]
 
     def _mirrors(self, colors: Arrays, written: Mapping[str, str]) -> list[PlannedPass[Any]]:
@@ -372,7 +393,7 @@ class _Planner:
             self._pass("shading", self._shading(colors, False, mirrors=True, mirrored=True), (*mirrored, *colors)),
         ]
 
-    def _shading(self, images: Arrays, shadows: bool, **how: bool) -> launches.PlannedLaunch[ShadingKey]:
+    def _shading(self, images: Arrays, shadows: bool, **how: Any) -> launches.PlannedLaunch[ShadingKey]:
         return self._plan(shading.plan_shading, outputs=[name for name, _ in images], shadows=shadows, **how)
 
     def _splats(self, outputs: Sequence[str], written: Mapping[str, str]) -> PlannedPass[Any]:

@@ -64,9 +64,9 @@ def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) ->
     return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
 
 
-def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device, *, shadows: bool) -> ReflectionKey:
-    """The kernel that traces the reflections of a request; ``shadows``: what is mirrored has shadows."""
-    flags = _flags(tables) | flag_if(ShadingFlag.HAS_SHADOWS, shadows)
+def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device) -> ReflectionKey:
+    """The kernel that traces the reflections of a request; what is mirrored has shadows where pixels have them."""
+    flags = _flags(tables) | flag_if(ShadingFlag.HAS_SHADOWS, request.shadows and tables.num_lights > 0)
     return ReflectionKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
 
 

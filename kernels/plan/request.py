@@ -27,6 +27,8 @@ class ImageRequest:
         tone_mapping: One of ``shading.TONE_CURVES``.
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
         reflections: Rays find what smooth surfaces mirror, and what is seen through clear ones.
+        ambient_occlusion: Shapes hide light from all around.
+        soft_shadows: Shadows are those of lights as large as they are.
     """
 
     width: int
@@ -38,6 +40,8 @@ class ImageRequest:
     tone_mapping: str = "clip"
     paths: bool = False
     reflections: bool = False
+    ambient_occlusion: bool = False
+    soft_shadows: bool = False
 
     @property
     def smooth(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from warpcam.kernels.flags import ImageFlag, Lens, ShadingFlag
+from warpcam.kernels.flags import NO_SHADING_FLAGS, ImageFlag, Lens, ShadingFlag
 from warpcam.kernels.plan import launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
 from warpcam.kernels.plan.request import ImageRequest
@@ -87,6 +87,7 @@ def plan_shading(
     *,
     outputs: Collection[str],
     shadows: bool,
+    shares: ShadingFlag = NO_SHADING_FLAGS,
     mirrors: bool = False,
     mirrored: bool = False,
     write_back: bool = False,
@@ -101,6 +102,7 @@ def plan_shading(
         group: Worlds that are drawn.
         outputs: Names, those of IMAGES.
         shadows: There is an image of shadows.
+        shares: Of SOFT_SHADOWS and AMBIENT_OCCLUSION: what there is an image of shares of.
         mirrors: The scene reflects.
         mirrored: The view is the one from behind the mirrors.
         write_back: Transparent shapes that cover most of a pixel replace what was found there.
@@ -118,7 +120,7 @@ def plan_shading(
     layered |= flag_if(ShadingFlag.HAS_REFLECTIONS, reflections)
     overrides = override_flags(tables.world_overrides, tables.headlights)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True, fitted=True)
-    flags = appearance_flags(tables, shadows) | layered | overrides | tone_flag(request, outputs)
+    flags = appearance_flags(tables, shadows) | shares | layered | overrides | tone_flag(request, outputs)
     if device.is_cuda:
         whole = width % region[0] == 0 and height % region[1] == 0
         flags |= flag_if(ShadingFlag.STORE_QUADS, width % 4 == 0) | flag_if(ShadingFlag.WHOLE_REGIONS, whole)

@@ -43,6 +43,9 @@ OPTIONAL = (
     | TraceFlag.INSTANCES
     | TraceFlag.SEMANTICS
 )
+# Regions of a trace that projects faces, of which each block projects all, and how many blocks a multiprocessor is to
+# have at least; shapes of a pass: native/traversal/projected_faces.h
+PROJECTED_REGIONS, PROJECTED_BLOCKS, PROJECTED_CAPACITY = ((64, 32), (32, 32)), 3, 128
 LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/shape_list.h, ShapeList
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
@@ -162,8 +165,12 @@ def plan_trace(
         capacity = IN_VIEW_ANALYTIC_CAPACITY if launches.is_analytic(tables.shape_types) else IN_VIEW_CAPACITY
     fitted = region_size(tables, group.concurrent_worlds, width, height, device, fitted=True)
     region = (width, height) if listed else fitted
+    projects = not listed and _projects_faces(tables, request, device) and capacity <= PROJECTED_CAPACITY
+    if projects:
+        region = _projected_region(group.concurrent_worlds, request, device) or fitted
     outputs = _outputs(tables, images, device) | flag_if(TraceFlag.OPAQUE, opaque)
     outputs |= flag_if(TraceFlag.IN_VIEW, in_view)
+    outputs |= flag_if(TraceFlag.PROJECTED_FACES, projects)
     if not device.is_cuda:
         outputs |= BUFFERS if opaque else OPTIONAL | flag_if(TraceFlag.BY_WORLD, tables.ids_by_world)
     with_albedo = bool(outputs & TraceFlag.TRACE_ALBEDO)
@@ -189,6 +196,19 @@ def plan_trace(
         flags=flags if with_albedo else NO_SHADING_FLAGS,
     )
     return PlannedLaunch(key, threads)
+
+
+def _projects_faces(tables: SceneTables, request: ImageRequest, device: wp.Device) -> bool:
+    """Return whether small faces of moving meshes are projected into the image."""
+    return device.is_cuda and SceneFlag.DEFORMING_MESHES in tables.flags and request.lens == "pinhole"
+
+
+def _projected_region(worlds: int, request: ImageRequest, device: wp.Device) -> tuple[int, int] | None:
+    """The largest region of which there are enough blocks."""
+    for region in PROJECTED_REGIONS:
+        if worlds * launches.regions_of(request.width, request.height, region) >= PROJECTED_BLOCKS * device.sm_count:
+            return region
+    return None
 
 
 def plan_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) -> InViewKey:

@@ -26,6 +26,8 @@
 #include "traversal/visibility.h"
 #include "path/path_tracer.h"
 #include "path/reflections.h"
+#include "occlusion/occluders.h"
+#include "occlusion/occlusion_filter.h"
 
 // Kernels that call none of these are compiled as Warp compiles others.
 #pragma clang fp contract(off)

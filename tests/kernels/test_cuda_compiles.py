@@ -80,7 +80,7 @@ def _render(
     backs: bool = False,
     look: Any = None,
     sky: bool = False,
-    reflections: bool = False,
+    occlusion: Any = None,
     **options: Any,
 ) -> None:
     position = (0.0, -2.0, 0.6)
@@ -94,7 +94,7 @@ def _render(
     )
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs)
     environments = wc.Environments(scene, np.ones((4, 8, 3), np.float32)) if sky else None
-    wc.Renderer(scene, [camera], look=look, environments=environments, reflections=reflections)
+    wc.Renderer(scene, [camera], look=look, environments=environments, **(occlusion or {}))
 
 
 def _compile(stages: list[launch.Stage], folder: Path) -> int:
@@ -239,9 +239,19 @@ def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> N
 def test_of_reflections(lens: Any, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom size=".2" rgba="1 1 1 .5"/>'
     mjm = scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS)
-    _render(mjm, ("rgb", "hdr"), look="pbr", reflections=True, lens=lens, sky=lens.projection == "pinhole")
+    _render(
+        mjm, ("rgb", "hdr"), look="pbr", occlusion={"reflections": True}, lens=lens, sky=lens.projection == "pinhole"
+    )
     names = ("trace_reflections", "list_path_shapes", "write_images")
     assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 3
+
+
+@pytest.mark.parametrize("occlusion", [{"ambient_occlusion": 1.0}, {"ambient_occlusion": 1.0, "soft_shadows": True}])
+def test_of_occlusion(occlusion: Any, card: list[launch.Stage], folder: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<geom size=".2" rgba="1 1 1 .5"/>' + LIGHTS, assets=ASSETS + HILLS)
+    _render(mjm, ("rgba", "depth"), look="pbr", occlusion=occlusion, lens=wc.Fisheye(fovy=100.0))
+    assert _compile([stage for stage in card if re.search("occlu|write_images", stage.module.name)], folder) == 4
 
 
 @pytest.mark.parametrize("antialiasing", [1, 4])

@@ -283,6 +283,26 @@ def test_traces_of_many_shapes_choose_from_those_in_view(
     assert not any(each.name == "shapes in view" for each in frame.plan_frame(of, asked, CPU).passes)
 
 
+@pytest.mark.parametrize(
+    ("worlds", "shapes", "lens", "region"),
+    [
+        (512, 4, "pinhole", (64, 32)),
+        (128, 4, "pinhole", (32, 32)),
+        (512, 4, "orthographic", None),
+        (512, 250, "pinhole", None),
+    ],
+)
+def test_faces_that_move_are_projected(worlds: int, shapes: int, lens: str, region: tuple[int, int] | None) -> None:
+    tables = scene(types.MESH, shapes=shapes, flags=SceneFlag.DEFORMING_MESHES)
+    request, group = ImageRequest(64, 64, lens, ("depth",)), Group.of_all(worlds)
+    key = trace.plan_trace(tables, request, CARD, group, images=("depth", "shape"), flags=NO_SHADING_FLAGS).key
+    assert (TraceFlag.PROJECTED_FACES in key.outputs) == (region is not None)
+    assert region in (key.region, None)
+    still = replace(tables, flags=NO_SCENE_FLAGS)
+    key = trace.plan_trace(still, request, CARD, group, images=("depth", "shape"), flags=NO_SHADING_FLAGS).key
+    assert TraceFlag.PROJECTED_FACES not in key.outputs
+
+
 def test_smooth_edges_have_a_pass_and_a_buffer_unless_in_place() -> None:
     many, few = planned("rgb", antialiasing=4), planned("rgb", antialiasing=4, of=scene(types.MESH, num_worlds=100))
     assert many.in_place and not few.in_place

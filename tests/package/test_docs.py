@@ -272,6 +272,7 @@ PAGES: dict[str, Callable[[], Names]] = {
     "docs/outputs.md": outputs,
     "docs/environments.md": skies,
     "docs/path_tracing.md": usd,
+    "docs/looks.md": usd,
     "docs/splats.md": in_a_file,
     "docs/randomize.md": looked_at,
     "docs/scenes.md": scenes,

@@ -20,6 +20,7 @@ HEADER_FLOORS = (
     ("flow", "shading"),
     ("traversal", "splats"),
     ("shadow", "antialiasing", "shading_pass", "path"),
+    ("occlusion",),
     ("build", "labels", "sensors"),
 )
 # Likewise of modules; a module is in the room with the longest name that its own begins with.

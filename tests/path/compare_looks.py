@@ -5,9 +5,10 @@ and smooth edges, without and with reflections.
 """
 
 import argparse
+import math
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,16 +34,20 @@ class Row(NamedTuple):
 
     Attributes:
         scene: Its name.
-        flip: Mean FLIP of "pbr" beside "path", 0 to 1.
-        reflected: The same with reflections.
+        flip: Mean FLIP of the two pictures, 0 to 1.
         light: Mean radiance of "pbr" over that of "path".
-        reflected_light: The same with reflections.
+        hidden_flip: As ``flip``, with ambient occlusion and soft shadows.
+        hidden_light: As ``light``, likewise.
+        reflected_flip: As ``flip``, with reflections alone.
+        reflected_light: As ``light``, likewise.
     """
 
     scene: str
     flip: float
-    reflected: float
     light: float
+    hidden_flip: float
+    hidden_light: float
+    reflected_flip: float
     reflected_light: float
 
 
@@ -50,14 +55,16 @@ def compare(name: str, samples: int, device: wp.Device) -> Row:
     with tempfile.TemporaryDirectory() as folder:
         stage = metric(Usd.Stage.CreateNew(str(Path(folder) / "stage.usda")))
         scene = scene_of(stage, judged.SCENES[name], device)
-        fast = [_drawn(scene, {"look": "pbr", "reflections": on}, shadows=True, antialiasing=4) for on in (False, True)]
         reference = _drawn(scene, {"look": "path", "path": wc.PathOptions(samples=samples)})
-    flips = [image_metrics.flip(reference["rgb"], images["rgb"])[0] for images in fast]
-    light = [float(images["hdr"].mean() / reference["hdr"].mean()) for images in fast]
-    return Row(name, *flips, *light)
+        numbers: list[float] = []
+        for options in ({}, {"ambient_occlusion": math.inf, "soft_shadows": True}, {"reflections": True}):
+            fast = _drawn(scene, {"look": "pbr", **options}, shadows=True, antialiasing=4)
+            flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
+            numbers += [flip, float(fast["hdr"].mean() / reference["hdr"].mean())]
+    return Row(name, *numbers)
 
 
-def _drawn(scene: wc.Scene, how: Mapping[str, Any], **more: Any) -> dict[str, np.ndarray]:
+def _drawn(scene: wc.Scene, options: dict[str, Any], **more: Any) -> dict[str, np.ndarray]:
     camera = wc.Camera(
         CAMERA.name,
         width=judged.SIZE,
@@ -67,18 +74,18 @@ def _drawn(scene: wc.Scene, how: Mapping[str, Any], **more: Any) -> dict[str, np
         outputs=("rgb", "hdr"),
         **more,
     )
-    images = wc.Renderer(scene, [camera], **how).render()[CAMERA.name]
+    images = wc.Renderer(scene, [camera], **options).render()[CAMERA.name]
     return {name: image[0].cpu().numpy() for name, image in images.items()}
 
 
 def table(rows: Sequence[Row]) -> str:
-    lines = ["| scene | FLIP | with reflections | light of `pbr` over that of `path` | with reflections |"]
-    lines += ["|---|---:|---:|---:|---:|"]
-    for row in rows:
-        numbers = f"{row.flip:.3f} | {row.reflected:.3f} | {row.light:.2f} | {row.reflected_light:.2f}"
-        lines.append(f"| {row.scene} | {numbers} |")
-    means = [float(np.mean(column)) for column in zip(*((row.flip, row.reflected) for row in rows), strict=True)]
-    return "\n".join([*lines, f"| mean | {means[0]:.3f} | {means[1]:.3f} | | |"])
+    lines = ["| scene | FLIP | light | FLIP, hidden | light, hidden | FLIP, reflections | light, reflections |"]
+    lines += ["|---|" + "---:|" * 6]
+    lines += [
+        f"| {row.scene} | " + " | ".join(f"{n:.{3 - k % 2}f}" for k, n in enumerate(row[1:])) + " |" for row in rows
+    ]
+    means = np.mean([[row.flip, row.hidden_flip, row.reflected_flip] for row in rows], axis=0)
+    return "\n".join([*lines, "| mean |" + "".join(f" {mean:.3f} | |" for mean in means)])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -140,6 +140,17 @@ def test_partly_transparent_shapes_are_seen_through(stage: Usd.Stage, device: wp
     np.testing.assert_allclose(seen, np.broadcast_to(0.25 * np.array(SKY) + 0.75, seen.shape), rtol=2e-3)
 
 
+def test_what_hides_light_leaves_mirrors_alone(stage: Usd.Stage, device: wp.Device) -> None:
+    """Rays find what hides the sky that a mirror would show; the rest of the picture is darker in corners."""
+    scene = scene_of(stage, mirrored(Look(kind="metal")), device)
+    wanted, seen = (
+        drawn(scene, reflections=True, **how)["hdr"] for how in ({}, {"ambient_occlusion": 9.0, "soft_shadows": True})
+    )
+    np.testing.assert_allclose(seen, wanted, atol=0.02)
+    hidden = drawn(scene, ambient_occlusion=9.0)["hdr"]
+    assert np.abs(hidden - drawn(scene)["hdr"]).max() > 0.05
+
+
 def worlds_of(stage: Usd.Stage, device: wp.Device) -> wc.Scene:
     """Three worlds, whose mirrored ball is red, green or blue."""
     scene_of(stage, mirrored(Look(kind="metal")), device)

@@ -89,7 +89,7 @@ def pack_meshes(
         whole = _trees(meshes)
     trees: list[tuple[np.ndarray, np.ndarray]] = []
     holders: list[int] = []  # the first mesh of each
-    node_start, face_start, corner_start = [], [], []
+    node_start, face_start, num_faces, corner_start = [], [], [], []
     bounds_min = np.zeros((len(meshes), 3), np.float32)
     bounds_max = np.full((len(meshes), 3), -1.0, np.float32)
     normals, uvs = [], []
@@ -116,6 +116,7 @@ def pack_meshes(
             places[key] = place
         node_start.append(place[0])
         face_start.append(place[1])
+        num_faces.append(len(tree.faces) // 3)
         corner_start.append(corners)
         corners += len(mesh.faces)
         if len(mesh.faces):
@@ -131,6 +132,7 @@ def pack_meshes(
     packed.bounds_max = wp.array(bounds_max, dtype=wp.vec3, device=device)
     packed.node_start = _integers(node_start, device)
     packed.face_start = _integers(face_start, device)
+    packed.num_faces = _integers(num_faces, device)
     packed.corner_start = _integers(corner_start, device)
     packed.nodes = wp.array(_joined([tree[0] for tree in trees], 4), dtype=wp.vec4, device=device)
     packed.faces = wp.array(_joined([tree[1] for tree in trees], 4), dtype=wp.vec4, device=device)

@@ -15,12 +15,14 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes.camera_frame import CameraFrame
 from warpcam.kernels.passes.paths import bind_more
 from warpcam.kernels.plan.frame import FINE, FramePlan, plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.plan.passes import PASSES
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.runtime.launch import Group, Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.render.flow_history import CameraHistory, needs_history
+from warpcam.render.occlusion import NO_OCCLUSION, Occlusion, make_occlusion
 from warpcam.render.paths import PathOptions, make_lists, make_paths
 
 MAX_PIXELS = 2**31
@@ -46,13 +48,20 @@ def parts_of(camera: Camera, reflections: bool = False) -> tuple[int, int]:
     return request_of(camera, "pinhole", reflections=reflections).parts
 
 
-def request_of(camera: Camera, projection: Projection, paths: bool = False, reflections: bool = False) -> ImageRequest:
+def request_of(
+    camera: Camera,
+    projection: Projection,
+    paths: bool = False,
+    occlusion: Occlusion = NO_OCCLUSION,
+    reflections: bool = False,
+) -> ImageRequest:
     """The images that a camera asks for.
 
     Args:
         camera: The camera.
         projection: Of its rays.
         paths: Lit images are traced by paths of light.
+        occlusion: What hides light in them.
         reflections: Rays find what surfaces mirror, and what is seen through clear ones.
     """
     return ImageRequest(
@@ -65,6 +74,8 @@ def request_of(camera: Camera, projection: Projection, paths: bool = False, refl
         tone_mapping=camera.tone_mapping,
         paths=paths,
         reflections=reflections,
+        ambient_occlusion=occlusion.radius is not None,
+        soft_shadows=occlusion.soft,
     )
 
 
@@ -114,6 +125,7 @@ class CameraPasses:
         tables: The scene.
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
+        occlusion: What hides light.
         reflections: Rays find what surfaces mirror, and what is seen through clear ones.
 
     Attributes:
@@ -131,11 +143,13 @@ class CameraPasses:
         tables: SceneTables,
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
+        occlusion: Occlusion = NO_OCCLUSION,
         reflections: bool = False,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
-        self._request, self._device = request_of(camera, projection, paths is not None, reflections), device
+        self._request = request_of(camera, projection, paths is not None, occlusion, reflections)
+        self._device = device
         self.plan = plan_frame(tables, self._request, device)
         plan, parts = self.plan, self._request.parts
         self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
@@ -147,6 +161,7 @@ class CameraPasses:
         self._paths = make_lists(tables, device) if plan.reflects else None
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
+        self._occlusion = make_occlusion(tables, occlusion.radius, device) if traces_occlusion(plan.keys) else None
         listed = plan.lists is not None
         self.history = CameraHistory(camera, tables, device, self.images, listed) if needs_history(camera) else None
 
@@ -191,6 +206,7 @@ class CameraPasses:
             device=self._device,
             parts=request.parts,
             paths=self._paths,
+            occlusion=self._occlusion,
         )
         visibility, shading = _bound(plan, frame)
         if plan.fine is not None and self.finer is not None:

@@ -15,6 +15,7 @@ from warpcam.kernels.passes.world_overrides import without_background
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Background, Lights, Physical
+from warpcam.render.occlusion import Occlusion
 from warpcam.render.paths import PathOptions, check_whole
 from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
@@ -166,6 +167,10 @@ class Look:
         for camera in cameras:
             if why and camera.tone_mapping != "clip":
                 raise WarpcamError(f"{camera.where}: tone_mapping is {camera.tone_mapping!r}, and {why}")
+
+    def occlusion(self, ambient_occlusion: Any, soft_shadows: Any, cameras: Iterable[Camera]) -> Occlusion:
+        """What hides light, as it came to a renderer, or the error that says what is wrong with it."""
+        return Occlusion.of(ambient_occlusion, soft_shadows, self.name, self._has_splats, cameras)
 
     def check_more(self, samples: Any, has_drawn: bool) -> int:
         """The number of paths that are to be added, or the error that there is nothing to add to."""

@@ -11,11 +11,13 @@ from warpcam.core.device import free_bytes
 from warpcam.core.errors import OutOfMemoryError, WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.plan.frame import plan_frame
+from warpcam.kernels.plan.occlusion import traces_occlusion
 from warpcam.kernels.types import View
 from warpcam.render.camera_binding import pose_bytes, projection_of, shared_bytes
 from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
 from warpcam.render.looks import Look, LookName
+from warpcam.render.occlusion import occlusion_bytes
 from warpcam.render.paths import list_bytes, path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.scene import Scene
@@ -56,7 +58,13 @@ class Memory:
 
 
 def estimate_memory(
-    scene: Scene, cameras: Sequence[Camera], *, look: LookName | None = None, reflections: bool = False
+    scene: Scene,
+    cameras: Sequence[Camera],
+    *,
+    look: LookName | None = None,
+    ambient_occlusion: float | None = None,
+    soft_shadows: bool = False,
+    reflections: bool = False,
 ) -> Memory:
     """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
 
@@ -68,6 +76,8 @@ def estimate_memory(
         scene: What to look at.
         cameras: Each under its own name.
         look: As the renderer takes it.
+        ambient_occlusion: Likewise.
+        soft_shadows: Likewise.
         reflections: Likewise.
 
     Raises:
@@ -77,11 +87,16 @@ def estimate_memory(
     by_key = check_cameras(scene, cameras)
     own = Look(look, None, scene, reflections=reflections)
     own.check_tone_mapping(by_key.values())
+    occlusion = own.occlusion(ambient_occlusion, soft_shadows, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds, own.reflections)
     plans = {
-        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths, own.reflections), scene.device)
+        key: plan_frame(
+            tables,
+            request_of(camera, projection_of(camera, scene), paths, occlusion, own.reflections),
+            scene.device,
+        )
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
@@ -97,6 +112,7 @@ def estimate_memory(
         + sum(shared_bytes(one, scene, own.reflections) for one in by_key.values())
         + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
         + sum(list_bytes(tables) for plan in plans.values() if plan.reflects)
+        + sum(occlusion_bytes(tables) for plan in plans.values() if traces_occlusion(plan.keys))
         + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),
     )

@@ -55,6 +55,8 @@ class Renderer(RenderedTensors):
             real time; "path", by paths of light. None is the scene's own: "mujoco" for MuJoCo's, else "pbr".
         path: How paths are traced; only with look="path".
         environments: Light from all around, from images in float; not with look="mujoco".
+        ambient_occlusion: Radius, above 0, within which shapes hide light from all around [m]; only with look="pbr".
+        soft_shadows: Cameras with shadows show those of lights as large as they are; only with look="pbr".
         reflections: One ray for each pixel finds what smooth surfaces mirror, and one what is seen through clear ones;
             only with look="pbr".
 
@@ -84,6 +86,8 @@ class Renderer(RenderedTensors):
         look: LookName | None = None,
         path: PathOptions | None = None,
         environments: Environments | None = None,
+        ambient_occlusion: float | None = None,
+        soft_shadows: bool = False,
         reflections: bool = False,
     ):
         self._cameras = check_cameras(scene, cameras)
@@ -93,7 +97,8 @@ class Renderer(RenderedTensors):
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
         self._look = Look(look, path, scene, environments, reflections)
-        self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections)
+        occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, self._cameras.values())
+        self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections, **occlusion.arguments)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())
@@ -101,7 +106,7 @@ class Renderer(RenderedTensors):
         paths = self._look.paths(scene.device)
         self._passes = {
             key: CameraPasses(
-                camera, self._bindings[key].projection, tables, scene.device, paths, self._look.reflections
+                camera, self._bindings[key].projection, tables, scene.device, paths, occlusion, self._look.reflections
             )
             for key, camera in self._cameras.items()
         }

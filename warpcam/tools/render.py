@@ -90,6 +90,13 @@ def add(command: argparse.ArgumentParser) -> None:
         help="trace what smooth surfaces mirror and what is seen through clear ones, with --look pbr",
     )
     command.add_argument(
+        "--ambient-occlusion",
+        type=float,
+        metavar="M",
+        help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
+    )
+    command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
+    command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
     command.add_argument("--out", type=Path, default=Path("warpcam-out"), metavar="DIR", help="default: %(default)s")
@@ -143,6 +150,8 @@ def run(options: argparse.Namespace) -> int:
             look=options.look,
             path=paths,
             environments=environments,
+            ambient_occlusion=options.ambient_occlusion,
+            soft_shadows=options.soft_shadows,
             reflections=options.reflections,
         )
         look, images = _drawing(renderer, cameras, model, options)

@@ -50,22 +50,29 @@ template <int LENS> WARPCAM_DEVICE Vec3 point_of(const Hit& hit, const Camera& c
     return camera.origin + transform(camera.rotation, { near * seen.x, near * seen.y, -hit.depth });
 }
 
+// A hit in the camera's frame.
+template <int LENS> WARPCAM_DEVICE Vec3 place_along(float x, float y, float depth)
+{
+    if constexpr (LENS == RAYS)
+        return depth * CameraRay<LENS> { x, y }.direction();
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
+        const OffsetRay offset_ray = CameraRay<LENS> { x, y }.offset_ray();
+        return offset_ray.start + depth * offset_ray.direction;
+    }
+    return LENS == PINHOLE ? Vec3 { depth * x, depth * y, -depth } : Vec3 { x, y, -depth };
+}
+
 // A hit in the shape's frame; `place` is the same in the camera's frame, `ray` the ray's direction in the shape's, of
 // any length.
 template <int LENS>
 WARPCAM_DEVICE Vec3 locate_hit(const ShapeFromCamera& pose, float x, float y, float depth, Vec3& place, Vec3& ray)
 {
-    place = LENS == PINHOLE ? Vec3 { depth * x, depth * y, -depth } : Vec3 { x, y, -depth };
+    place = place_along<LENS>(x, y, depth);
     ray = LENS == PINHOLE ? pose.local({ x, y, -1.0f }) : pose.local({ 0.0f, 0.0f, -1.0f });
-    if constexpr (LENS == RAYS) {
-        place = depth * CameraRay<LENS> { x, y }.direction();
+    if constexpr (LENS == RAYS)
         ray = pose.local(CameraRay<LENS> { x, y }.direction());
-    }
-    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS) {
-        const OffsetRay offset_ray = CameraRay<LENS> { x, y }.offset_ray();
-        place = offset_ray.start + depth * offset_ray.direction;
-        ray = pose.local(offset_ray.direction);
-    }
+    if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
+        ray = pose.local(CameraRay<LENS> { x, y }.offset_ray().direction);
     return pose.eye() + (has_centre(LENS) ? depth * ray : pose.local(place));
 }
 

@@ -99,7 +99,21 @@ WARPCAM_DEVICE LampMeeting meet_lamp(const AreaLight& lamp, Vec3 start, Vec3 dir
     return none;
 }
 
-// Draws a direction to the lamp from a place.
+// A direction to a ball, evenly over what is seen of it, and how far along it is met.
+struct BallSample {
+    Vec3 direction;
+    float distance, height;  // of the cap
+};
+WARPCAM_DEVICE BallSample draw_ball(Vec3 offset, float radius, float u, float v)
+{
+    const float square = max(dot(offset, offset), 1.0e-12f);
+    const float height = square > radius * radius ? cap_height(radius * radius / square) : 2.0f;
+    const Vec3 direction = FrameAxes(normalized(offset)).world(cap_direction(u, v, height));
+    const float t = meet_ball(offset, direction, radius);
+    return { direction, t < MISS ? t : dot(offset, direction), height };  // rounding may take it past the edge
+}
+
+// Draws a direction to the lamp from a place. A point whose size is not 0 gives its light from all over a bulb.
 WARPCAM_DEVICE LampSample draw_lamp(const AreaLight& lamp, Vec3 place, float u, float v)
 {
     if (is_distant(lamp)) {
@@ -118,15 +132,16 @@ WARPCAM_DEVICE LampSample draw_lamp(const AreaLight& lamp, Vec3 place, float u, 
         const Vec3 toward = 1.0f / distance * offset;
         const Float3Int f = lamp.falloff;
         const float share = share_of_cone(lamp, toward) / max(f.x + distance * (f.y + distance * f.z), 1.0e-12f);
+        if (lamp.size.x > 0.0f) {
+            const BallSample bulb = draw_ball(offset, lamp.size.x, u, v);
+            return { bulb.direction, bulb.distance, PI * share, 0.0f };
+        }
         return { toward, distance, PI * share, 0.0f };
     }
     if (form == FORM_SPHERE) {
-        const float radius = lamp.size.x;
-        const float height = square > radius * radius ? cap_height(radius * radius / square) : 2.0f;
-        const Vec3 direction = FrameAxes(normalized(offset)).world(cap_direction(u, v, height));
-        const float t = meet_ball(offset, direction, radius), share = share_of_cone(lamp, direction);
-        const float met = t < MISS ? t : dot(offset, direction);  // where rounding takes it past the edge
-        return { direction, met, share / cap_density(height), cap_density(height) };
+        const BallSample ball = draw_ball(offset, lamp.size.x, u, v);
+        const float density = cap_density(ball.height);
+        return { ball.direction, ball.distance, share_of_cone(lamp, ball.direction) / density, density };
     }
     if (form == FORM_DISK) {
         const Float2 turn = on_circle(v);

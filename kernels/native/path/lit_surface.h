@@ -111,7 +111,7 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     {
         const auto list = lights();
         return physical_light<FLAGS>(inputs, list, scene, hub.rotation, surface.point, surface.normal, to_eye,
-                                     shadow_at(list, surface, shape));
+                                     visibility_of<FLAGS>(scene.frame, 0, shadow_at(list, surface, shape)));
     }
 
     // Light from all around on a white matt surface.

@@ -39,14 +39,7 @@ WARPCAM_DEVICE void list_path_shapes(const Frame_& frame, const Shapes& shapes, 
             faults = 1;
         if (found != SEEN || transparent(shapes, materials, world, id))
             return;
-        record.origin.w = bits;
-        Float3Int* const to = rows + PATH_SHAPE_ROWS * count++;
-        to[0] = ball;
-        to[1] = record.axis_x;
-        to[2] = record.axis_y;
-        to[3] = record.axis_z;
-        to[4] = record.origin;
-        to[5] = record.size;
+        put_path_shape(rows + PATH_SHAPE_ROWS * count++, ball, record, bits);
     };
     for (int place = 0; place < shapes.drawn.shape[0]; ++place)
         add(wp::index(shapes.drawn, place), 0);

@@ -35,6 +35,18 @@ struct PathRay {
     }
 };
 
+// Writes a shape's rows; `bits`: of ShapeBit.
+WARPCAM_DEVICE void put_path_shape(Float3Int* rows, const Float3Int& ball, const ShapeRecord& record, int bits)
+{
+    rows[0] = ball;
+    rows[1] = record.axis_x;
+    rows[2] = record.axis_y;
+    rows[3] = record.axis_z;
+    rows[4] = record.origin;
+    rows[4].w = bits;
+    rows[5] = record.size;
+}
+
 template <class Types, class Meshes, class HeightFields>
 WARPCAM_DEVICE Visible path_shape(const Shape& shape, const Camera& camera, const Meshes& meshes,
                                   const HeightFields& fields, Float3Int& ball, ShapeRecord& record)

@@ -7,9 +7,6 @@
 
 namespace warpcam {
 
-// What a ray meets replaces the sky in the mirror direction, all of it up to SHARP_ROUGHNESS, and none of it from
-// ROUGHEST_MIRROR on, as one ray is no lobe.
-constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
 constexpr int MAX_SEEN_THROUGH = 8;  // partly transparent surfaces along a ray
 constexpr int MAX_INTERNAL = 4;  // total reflections within a clear body
 constexpr float FAINTEST = 1.0f / 512.0f;  // share of light that a ray is followed for
@@ -129,9 +126,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
         const Vec3 facing = surface.front ? surface.outward : -surface.outward, none { 0.0f, 0.0f, 0.0f };
         const Vec3 direction = mirror_direction(surface.normal, to_eye), around = this->ambient_at(surface, shape);
         const Vec3 beyond = around + sky_along_ray(direction, material.roughness);
-        const float blur =
-            saturate((material.roughness - SHARP_ROUGHNESS) * (1.0f / (ROUGHEST_MIRROR - SHARP_ROUGHNESS)));
-        const float sharp = 1.0f - blur * blur * (3.0f - 2.0f * blur), clear = surface.transmission;
+        const float sharp = sharpness(material.roughness), clear = surface.transmission;
         Vec3 seen = beyond;
         if (sharp > 0.0f && dot(direction, facing) > 0.0f)
             seen = light_along({ surface.point + surface.margin * facing, direction },

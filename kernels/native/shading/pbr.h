@@ -3,6 +3,7 @@
 #include "shading/pbr_material.h"
 #include "shading/area_lights.h"
 #include "shading/environment_map.h"
+#include "shading/light_visibility.h"
 
 namespace warpcam {
 
@@ -12,6 +13,16 @@ template <class Scene_, class Physical_> struct PhysicalScene : Scene_ {
 };
 template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Physical_&)
     -> PhysicalScene<Scene_, Physical_>;
+
+// What a ray in the mirror direction meets replaces the sky there, all of it up to SHARP_ROUGHNESS, and none of it from
+// ROUGHEST_MIRROR on, as one ray is no lobe.
+constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
+
+template <class Number> WARPCAM_DEVICE Number sharpness(Number roughness)
+{
+    const Number blur = saturate((roughness - SHARP_ROUGHNESS) * (1.0f / (ROUGHEST_MIRROR - SHARP_ROUGHNESS)));
+    return 1.0f - blur * blur * (3.0f - 2.0f * blur);
+}
 
 // Light from all around as a surface of that roughness mirrors it, about the mirror direction, in the world.
 template <int FLAGS, class Scene_, class Vector>
@@ -23,25 +34,24 @@ WARPCAM_DEVICE Vector mirrored_sky(const Sky& sky, const Scene_& scene, Vector m
         return sky_along<(FLAGS & HAS_SKYBOX) != 0>(sky, scene.textures, scene.background, mirror, roughness);
 }
 
-// The light that a place of a surface sends to the eye, linear; all in the camera's frame. Bit l of `shadow` says that
-// light l, of those that are kept, does not reach it. `list`: AreaLights, or WorldLights of path/lit_surface.h.
+// The light that a place of a surface sends to the eye, linear; all in the camera's frame. `list`:
+// AreaLights, or WorldLights of path/lit_surface.h.
 template <int FLAGS, class Lights_, class Scene_, class Vector>
 WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Lights_& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
-                                     IntOf<Vector> shadow)
+                                     const Visibility<FLAGS, Vector>& visibility)
 {
     using Number = NumberOf<Vector>;
-    constexpr bool SHADOWS = FLAGS & HAS_SHADOWS;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
     Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
     for (int n = 0; n < list.count; ++n) {
         const AreaLight& area_light = list.area_lights[n];
-        const MaskOf<Vector> reached = (area_light.place.w & shadow) == 0;
-        if (SHADOWS && !any(reached))
+        const auto reached = visibility.reached(area_light.place.w);
+        if (!any(reached.some))
             continue;
         const AreaLightSample<Vector> light_sample = sample_light(area_light, place);
-        const Number share = SHADOWS ? (reached ? light_sample.share : none) : light_sample.share;
+        const Number share = reached.of(light_sample.share);
         if (area_light.diffuse.w & AMBIENT)
             around = around + share * broadcast<Vector>(as_vec3(area_light.ambient));
         const Number cosine = clipped_cosine(dot(normal, light_sample.to_light), light_sample.sine_squared);
@@ -58,6 +68,16 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Ligh
     const Vector up = transform(rotation, normal), mirror = transform(rotation, 2.0f * slant * normal - to_eye);
     const Vector even = around + sky_on(list.sky, up);
     const Vector mirrored = around + mirrored_sky<FLAGS>(list.sky, scene, mirror, inputs.bsdf.roughness);
+    if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
+        const Number open = visibility.open();
+        Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
+        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)  // rays find what hides the sky of mirrors
+            opening = opening + sharpness(inputs.bsdf.roughness) * (1.0f - opening);
+        return light
+               + inputs.open
+                     * environment_brdf(inputs.bsdf, eye_cosine, mul(open_with_bounces(open, inputs.bsdf.matt), even),
+                                        opening * mirrored);
+    }
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
 
@@ -65,7 +85,8 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Ligh
 template <class Types, int LENS, int FLAGS, class Appearances, class Scene_>
 WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& list, const Scene_& scene,
                                      const Camera& camera, float x, float y, const SurfaceInteraction& surface,
-                                     Vec3 place, Vec3 ray, float depth, Vec3 color, int shadow)
+                                     Vec3 place, Vec3 ray, float depth, Vec3 color,
+                                     const Visibility<FLAGS, Vec3>& visibility)
 {
     Vec3 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     const PbrInputs<Vec3> inputs = pbr_inputs_at<Types, LENS, (FLAGS & HAS_MAPS) != 0>(
@@ -74,7 +95,7 @@ WARPCAM_DEVICE Vec3 shade_physically(const Appearances& look, const AreaLights& 
     Vec3 to_eye = LENS != ORTHOGRAPHIC ? -normalized(place) : Vec3 { 0.0f, 0.0f, 1.0f };
     if constexpr (LENS == RAY_TABLE_WITH_ORIGINS)
         to_eye = -CameraRay<LENS> { x, y }.direction();
-    return physical_light<FLAGS>(inputs, list, scene, camera.rotation, place, normal, to_eye, shadow);
+    return physical_light<FLAGS>(inputs, list, scene, camera.rotation, place, normal, to_eye, visibility);
 }
 
 }  // namespace warpcam

@@ -88,13 +88,13 @@ WARPCAM_NOINLINE_CPU inline void shade_eight_physically(const Appearances& look,
                                                         const Scene_& scene, const Mat3& rotation, const Steps& steps,
                                                         const SurfaceInteraction8& surface, const Vec3x8& place,
                                                         const Vec3x8& to_eye, const Vec3x8& ray, const Vec3x8& color,
-                                                        Int8 shadow, Vec3x8& light)
+                                                        const Visibility<FLAGS, Vec3x8>& visibility, Vec3x8& light)
 {
     Vec3x8 normal = smooth_normal<Types>(look.pose, scene.meshes, surface);
     PbrInputs<Vec3x8> inputs;
     pbr_inputs8_at<Types, (FLAGS & HAS_MAPS) != 0>(look, scene.meshes, scene.textures, steps, surface, ray, color,
                                                    normal, inputs);
-    light = physical_light<FLAGS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, shadow);
+    light = physical_light<FLAGS>(inputs, list, scene, rotation, place, look.pose.seen(normal), to_eye, visibility);
 }
 
 }  // namespace warpcam

@@ -117,9 +117,10 @@ struct ShadedPixel {
     Vec3 albedo, linear, display;
 };
 
-template <class Types, int LENS, int IMAGES, int FLAGS, class Appearances, class List, class Scene_>
+// `shadow`: of physically based scenes a Visibility, else bits of lights that do not reach it.
+template <class Types, int LENS, int IMAGES, int FLAGS, class Appearances, class List, class Scene_, class Shadow>
 WARPCAM_DEVICE void resolve_surface(const Appearances& look, const List& lights, const Scene_& scene,
-                                    const Camera& camera, float x, float y, const Hit& found, int shadow,
+                                    const Camera& camera, float x, float y, const Hit& found, Shadow shadow,
                                     ShadedPixel& shown)
 {
     using Wants = ShadingNeeds<IMAGES, FLAGS>;

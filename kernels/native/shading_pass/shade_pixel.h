@@ -31,9 +31,10 @@ WARPCAM_DEVICE PixelHit find(const Frame_& frame, const Pixel& pixel)
 
 // CAPACITY: the looks a block keeps, one for each shape that may be visible; 0 if they are made anew for each pixel,
 // less if `looks` are SeenLooks.
-template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_>
+template <class Types, int LENS, int CAPACITY, int IMAGES, int FLAGS, class Appearances, class List, class Scene_,
+          class Shadow>
 WARPCAM_DEVICE void resolve_hit(const Appearances* looks, const List& lights, const Scene_& scene, const Camera& camera,
-                                int world, float x, float y, const Hit& found, int shadow, ShadedPixel& shown)
+                                int world, float x, float y, const Hit& found, const Shadow& shadow, ShadedPixel& shown)
 {
     using Wants = ShadingNeeds<IMAGES, FLAGS>;
     if constexpr (CAPACITY > 0)
@@ -69,8 +70,9 @@ WARPCAM_DEVICE float resolve_transparent(const Appearances* looks, const List& l
         const auto shade_layer = [&](bool met, Hit hit, Vec3& light) {
             ShadedPixel layer;
             fill_inactive_lanes(met, hit);
-            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), FLAGS & ~HAS_SHADOWS>(
-                looks, lights, scene, camera, world, x, y, hit, 0, layer);
+            constexpr int UNSHADED = FLAGS & ~VISIBILITY_FLAGS;
+            resolve_hit<Types, LENS, CAPACITY, IMAGES&(RGB | RGBA | HDR), UNSHADED>(
+                looks, lights, scene, camera, world, x, y, hit, Visibility<UNSHADED, Vec3> {}, layer);
             light = layer.linear;
             float alpha = opacity(scene.shapes, scene.materials, world, hit.shape);
             if constexpr (Types::has(ALPHA_TESTED) && (FLAGS & HAS_MAPS))
@@ -167,6 +169,12 @@ WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights,
         else
             return hit ? int(frame.shadow.data[pixel.at]) : 0;
     };
+    const auto visibility = [&] {
+        if constexpr (Wants::PBR && Wants::LIT)
+            return visibility_of<FLAGS>(frame, hit ? size_t(pixel.at) : size_t(0), shadow());
+        else
+            return shadow();
+    };
     ShadedPixel shown;
     bool drawn = false;
     Vec3 apart;
@@ -179,8 +187,8 @@ WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights,
         shown = (shaded, ...);
     else if (((FLAGS & SEPARATE_PLANE_PATH) || !drawn) && (Wants::SURFACE || Wants::COLORED)
              && fill_inactive_lanes(hit && !drawn, found))
-        resolve_hit<Types, LENS, CAPACITY, IMAGES, FLAGS>(looks, lights, scene, camera, world, x, y, found, shadow(),
-                                                          shown);
+        resolve_hit<Types, LENS, CAPACITY, IMAGES, FLAGS>(looks, lights, scene, camera, world, x, y, found,
+                                                          visibility(), shown);
     if (drawn) {
         shown.linear = shown.display = floor;
         expose<FLAGS>(scene, world, shown.linear, shown.display);

@@ -82,8 +82,8 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
     if (thread == 0)
         shared_camera = camera;
     if (Wants::LIT && thread >= THREADS - WARP_OR_ONE)
-        gather_lights<SHADOWS>(lights, camera, world, headlight_of<FLAGS>(world), thread - (THREADS - WARP_OR_ONE),
-                               list);
+        gather_lights<SHADOWS || (FLAGS & SOFT_SHADOWS)>(lights, camera, world, headlight_of<FLAGS>(world),
+                                                         thread - (THREADS - WARP_OR_ONE), list);
     if constexpr ((FLAGS & MIRROR_VIEW) != 0) {
         const auto mirror = wp::index(frame.mirrors, world);
         if (mirror.shape < 0)

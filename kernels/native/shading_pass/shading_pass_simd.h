@@ -113,6 +113,17 @@ struct EightHits {
     Float8 x, y, depth;
     Int8 shadow;
     int faces[SIMD_WIDTH];
+    PixelShares<Vec3x8> shares;
+
+    template <int FLAGS> Visibility<FLAGS, Vec3x8> visibility() const
+    {
+        Visibility<FLAGS, Vec3x8> found;
+        if constexpr ((FLAGS & HAS_SHADOWS) != 0)
+            found.shadow = shadow;
+        if constexpr ((FLAGS & SHARE_FLAGS) != 0)
+            found.shares = shares;
+        return found;
+    }
 };
 
 // World-frame normals of surfaces that face the camera.
@@ -227,7 +238,8 @@ WARPCAM_NOINLINE_CPU inline void shade_packets(const Appearances& look, const Le
                 LENS == ORTHOGRAPHIC || LENS == RAY_TABLE_WITH_ORIGINS ? -offset_rays[n].direction : -normalized(place);
             const auto own_steps = [&](Vec3x8& right, Vec3x8& down) { steps(n, right, down); };
             shade_eight_physically<Types, FLAGS>(look, lights, scene, rows.camera.rotation, own_steps, surfaces[n],
-                                                 place, to_eye, rays[n], textures[n], shadow, lit.linear);
+                                                 place, to_eye, rays[n], textures[n], hits[n].template visibility<FLAGS>(),
+                                                 lit.linear);
             if (FLAGS & HAS_EXPOSURE)
                 lit.linear = mul(broadcast(gain), lit.linear);
             lit.display = display_color<FLAGS>(lit.linear);
@@ -314,12 +326,18 @@ WARPCAM_NOINLINE_CPU inline void shade_background(const List& lights, const Scen
 }
 
 // Loads the hits of eight pixels, of which `count` are given; further lanes repeat the last.
-template <class Types, bool SHADOWS, int WIDTH, class Frame, class Rows>
+template <class Types, int FLAGS, int WIDTH, class Frame, class Rows>
 inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const short* pixels, int count,
                       EightHits& hits)
 {
-    constexpr bool FACES = Types::has_any(MESH, HEIGHT_FIELD);
+    constexpr bool FACES = Types::has_any(MESH, HEIGHT_FIELD), SHADOWS = FLAGS & HAS_SHADOWS;
     rows.find(pixels, count, hits.x, hits.y);
+    if constexpr ((FLAGS & SHARE_FLAGS) != 0)
+        for (int k = 0; k < SIMD_WIDTH; ++k) {
+            const int pixel = pixels[min(k, count - 1)];
+            const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+            hits.shares.bytes[k] = reinterpret_cast<const unsigned char*>(frame.visible.data + at);
+        }
     if (in_one_row<WIDTH>(pixels, count)) {
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
@@ -381,8 +399,8 @@ inline void shade_sorted(const Sorted<SIZE>& sorted, const List& lights, const S
             const int packets = min(TOGETHER, (total - done + SIMD_WIDTH - 1) / SIMD_WIDTH);
             for (int n = 0; n < packets; ++n) {
                 const int from = done + n * SIMD_WIDTH;
-                load_hits<Types, Wants::LIT && (FLAGS & HAS_SHADOWS), WIDTH>(frame, first, rows, pixels + from,
-                                                                             min(SIMD_WIDTH, total - from), hits[n]);
+                load_hits<Types, Wants::LIT ? FLAGS : 0, WIDTH>(frame, first, rows, pixels + from,
+                                                                min(SIMD_WIDTH, total - from), hits[n]);
             }
             shade_packets<Types, LENS, IMAGES, FLAGS>(
                 look, textured ? &levels : nullptr, id, lights, scene, rows, gain, hits, pixels + done, packets,

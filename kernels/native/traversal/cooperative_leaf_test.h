@@ -79,6 +79,7 @@ struct RayFacePairs {
         const int lane = threadIdx.x % WARP_SIZE, place = begin > window ? begin - window : 0;
         const bool begins = end > begin && begin < window + WARP_SIZE && end > window;
         const unsigned places = warp_reduce_or(begins ? 1u << place : 0);
+        __syncwarp();  // the last window's owners are read
         if (begins)
             owners[place] = static_cast<unsigned char>(lane);
         __syncwarp();

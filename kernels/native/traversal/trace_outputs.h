@@ -24,7 +24,8 @@ enum Output {
     SEMANTICS = 1 << 19,
     OPAQUE = 1 << 20,
     TRACE_ALBEDO = 1 << 21,  // with albedo: shading_pass/visibility_albedo.h
-    IN_VIEW = 1 << 22        // the shapes in view have been listed: traversal/shapes_in_view.h
+    IN_VIEW = 1 << 22,  // the shapes in view have been listed: traversal/shapes_in_view.h
+    PROJECTED_FACES = 1 << 23  // of moving meshes: traversal/projected_faces.h
 };
 
 // Tiles, one below the other, that a warp of a CUDA block draws at once: what a tile takes and what a shape takes of it

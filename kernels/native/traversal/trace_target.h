@@ -33,6 +33,7 @@ struct TraceTarget {
         OUTPUTS & WIDTH_MULTIPLE_OF_4 ? OUTPUTS & (POINTS | NORMAL) : 0;  // stored by 16 bytes
     static constexpr bool TILES_INSIDE = (OUTPUTS & NO_PARTIAL_TILES) != 0;
     static constexpr bool WHOLE = Places_::WHOLE;  // the region is an image of known size
+    static constexpr bool PROJECTS = (OUTPUTS & PROJECTED_FACES) != 0;  // see traversal/projected_faces.h
     // More than depth and shape.
     static constexpr bool STORES_MUCH =
         OUTPUTS & (DISTANCE | POINTS | BODIES | NORMAL | IDS | INSTANCES | SEMANTICS | FLOWS | TRACE_ALBEDO);

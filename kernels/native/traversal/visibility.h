@@ -4,6 +4,7 @@
 #include "traversal/enclosing_mesh_cull.h"
 #include "traversal/mesh_closest_hit.h"
 #include "traversal/list_shapes.h"
+#include "traversal/projected_faces.h"
 #include "traversal/tile_marks.h"
 #if !defined(__CUDA_ARCH__)
 #include "traversal/trace_target_simd.h"
@@ -24,6 +25,8 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
     constexpr bool MARKED = HAS_MESH && TraceTarget_::FROM_VIEW;
     using Marks = TileMarks<MARKED ? List::SIZE : WARP_SIZE>;
     WARPCAM_SHARED optional_t<MARKED, Marks> marks;
+    constexpr bool PROJECTS = TraceTarget_::PROJECTS;  // faces of small enough meshes
+    WARPCAM_SHARED optional_t<PROJECTS, ProjectedFaces> projected;
     WARPCAM_SHARED float4 lanes[HAS_VECTORS ? THREADS / WARP_SIZE : 1][TILES_PER_WARP * 3 * WARP_SIZE / 4];
     int lane = threadIdx.x % WARP_SIZE;
     const int warp = threadIdx.x / WARP_SIZE;
@@ -56,6 +59,9 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
         marks.template mark<Types>(list, across, threadIdx.x);
         block_sync();
     }
+    const auto ray_of = [&](int place) { return trace_target.ray(region.left + place % 64, region.top + place / 64); };
+    if constexpr (PROJECTS)
+        projected.template find<Types>(list, meshes, trace_target.camera, region, ray_of);
     const auto draw_stack = [&](int unit, int column, int row, int& found) {
         if constexpr (MARKED)
             if (!first_pass && !marks.touches(unit)) {
@@ -88,15 +94,20 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
             }
         trace_tiles<Types>(list, mask, shapes_of, ray, near, fields, hit);
         trace_meshes();
+        if constexpr (PROJECTS)
+            projected.take(list, (j - region.top) * 64 + i - region.left, hit[0]);
         if (!trace_target.write_seen_plane(i, j, hit, lane))
             trace_target.put_tiles(i, j, ray, hit, first_pass, row_of_lanes);
         if constexpr (HAS_MESH)
             found = find_rays<Types>(rays[HAS_MESH ? warp : 0], list, column, row, ray[0], near_of(ray[0], near),
                                      meshes, hit[0].depth, [&](int word) {
+                                         unsigned apart = 0;
+                                         if constexpr (PROJECTS)
+                                             apart = projected.ranks[word];
                                          if constexpr (MARKED)
-                                             return marks.touching(unit, word) & marks.meshes[word];
+                                             return marks.touching(unit, word) & marks.meshes[word] & ~apart;
                                          else
-                                             return touching_meshes<Types>(list, word * WARP_SIZE, steps);
+                                             return touching_meshes<Types>(list, word * WARP_SIZE, steps) & ~apart;
                                      });
     };
     const auto next_tile = [&](int& found) {
@@ -120,9 +131,6 @@ WARPCAM_DEVICE void draw_tiles(List& list, const TraceTarget_& trace_target, con
         return true;
     };
     if constexpr (HAS_MESH) {
-        const auto ray_of = [&](int pixel) {
-            return trace_target.ray(region.left + pixel % 64, region.top + pixel / 64);
-        };
         const auto store = [&](int pixel, const Hit& hit) {
             trace_target.write_hit(region.left + pixel % 64, region.top + pixel / 64, hit, false);
         };

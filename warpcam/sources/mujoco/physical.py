@@ -30,6 +30,7 @@ def physical_arrays(
     Metalness and roughness are the material's layers where it has them; else it is no metal, and as rough as the facets
     whose highlight falls off as its shininess says: alpha^2 = 2 / (exponent + 2), with the exponent 128 * shininess.
     ``specular`` is the reflectance at normal incidence over 0.08, ``emission`` a factor of the colour in linear light.
+    ``bulbradius`` of lights that have a place softens their shadows.
 
     Args:
         mjm: The host's model.
@@ -60,7 +61,10 @@ def physical_arrays(
         name: wp.array(np.asarray(rows, np.float32)[None], dtype=wp.float32, device=device)
         for name, rows in numbers.items()
     }
-    vectors = {"emissive": emissive, "sky": sky, "sizes": np.zeros((lights, 3))}
+    sizes = np.zeros((lights, 3))
+    local = mjm.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+    sizes[: mjm.nlight, 0] = np.where(local, np.maximum(mjm.light_bulbradius, 0.0), 0.0)
+    vectors = {"emissive": emissive, "sky": sky, "sizes": sizes}
     found |= {
         name: wp.array(np.asarray(rows, np.float32).reshape(1, -1, 3), dtype=wp.vec3, device=device)
         for name, rows in vectors.items()

@@ -132,9 +132,9 @@ def read_light(
         near = seen / math.pi if one_sided else 0.0
         size = (size[0] * scale, size[1] * scale, 0.0)
         if as_point or not seen > 0.0:
-            form = "point"
+            form, size = "point", (0.0, 0.0, 0.0)
         else:
-            collector.remark("casts hard shadows, as from its middle", name)
+            collector.remark("casts hard shadows, as from its middle, where soft_shadows=True is not asked for", name)
     else:
         collector.warn(f"is a light of type {kind}, which gives no light here", name)
         return LightNode(name, node, "distant", (0.0, 0.0, 0.0), active=False)

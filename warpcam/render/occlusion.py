@@ -1,0 +1,81 @@
+"""What hides light in the real-time look: how it is asked for, and what a camera keeps for its rays."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warpcam.camera.camera import Camera
+from warpcam.core.errors import WarpcamError
+from warpcam.kernels.passes.occlusion import SHAPE_ROWS, OcclusionArrays
+from warpcam.kernels.scene_tables import SceneTables
+
+
+@dataclass(frozen=True)
+class Occlusion:
+    """Rays that a renderer traces of what its cameras see.
+
+    Attributes:
+        radius: Within which shapes hide light from all around [m]; None: no shape does.
+        soft: Lights of a size cast soft shadows.
+    """
+
+    radius: float | None = None
+    soft: bool = False
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of a renderer that ask for these."""
+        return {"ambient_occlusion": self.radius, "soft_shadows": self.soft}
+
+    @classmethod
+    def of(
+        cls, ambient_occlusion: Any, soft_shadows: Any, look: str, has_splats: bool, cameras: Iterable[Camera]
+    ) -> "Occlusion":
+        """What came to a renderer, or the error that says what is wrong with it."""
+        if not isinstance(soft_shadows, bool | np.bool_):
+            raise WarpcamError(f"Renderer: soft_shadows must be True or False, got {soft_shadows!r}")
+        if ambient_occlusion is not None and not _is_radius(ambient_occlusion):
+            raise WarpcamError(
+                f"Renderer: ambient_occlusion must be a radius above 0 in metres or None, got {ambient_occlusion!r}"
+            )
+        asked = {"ambient_occlusion": ambient_occlusion is not None, "soft_shadows": bool(soft_shadows)}
+        for name in (name for name, came in asked.items() if came):
+            if look != "pbr":
+                raise WarpcamError(f"Renderer: {name} is of look='pbr', and the look is {look!r}")
+            if has_splats:
+                raise WarpcamError(f"Renderer: {name} is of scenes of shapes, and this one has clouds of Gaussians")
+        if soft_shadows and not any(camera.shadows for camera in cameras):
+            raise WarpcamError("Renderer: soft_shadows are those of cameras with shadows=True, and none has it")
+        return cls(None if ambient_occlusion is None else float(ambient_occlusion), bool(soft_shadows))
+
+
+NO_OCCLUSION = Occlusion()
+
+
+def _is_radius(value: Any) -> bool:
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool | np.bool_)
+    return number and value > 0.0 and not math.isnan(value)
+
+
+def _num_rows(tables: SceneTables) -> int:
+    shapes = tables.shapes if tables.casters is None else tables.casters
+    return SHAPE_ROWS * max(shapes.drawn.size, 1)
+
+
+def occlusion_bytes(tables: SceneTables) -> int:
+    """Bytes of what a camera keeps for its rays in all worlds."""
+    vector, number = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, wp.int32))
+    return tables.num_worlds * (_num_rows(tables) * vector + number)
+
+
+def make_occlusion(tables: SceneTables, radius: float | None, device: wp.Device) -> OcclusionArrays:
+    """Allocate what a camera keeps for its rays."""
+    return OcclusionArrays(
+        wp.zeros((tables.num_worlds, _num_rows(tables)), dtype=wp.vec4, device=device),
+        wp.zeros(tables.num_worlds, dtype=wp.int32, device=device),
+        0.0 if radius is None else radius,
+    )
