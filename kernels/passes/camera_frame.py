@@ -7,7 +7,8 @@ from typing import Any
 import warp as wp
 
 from warpcam.kernels.layers import LayerTables
-from warpcam.kernels.plan.frame import BUFFER, PlannedPass
+from warpcam.kernels.plan.buffers import BUFFER
+from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.launches import THREADS
 from warpcam.kernels.runtime.flatten import flatten
 from warpcam.kernels.runtime.launch import Group, Stage, bind_launch

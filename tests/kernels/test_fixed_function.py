@@ -12,7 +12,8 @@ from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.passes import shading
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.plan.frame import BUFFER, PlannedPass
+from warpcam.kernels.plan.buffers import BUFFER
+from warpcam.kernels.plan.frame import PlannedPass
 from warpcam.kernels.plan.request import ImageRequest
 from warpcam.kernels.plan.shading import IMAGES, MAX_KEPT, plan_shading
 from warpcam.kernels.runtime.launch import Group
