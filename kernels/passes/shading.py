@@ -33,13 +33,14 @@ from warpcam.kernels.types import (
 
 
 @functools.cache
-def frame_struct(kind: str, visible_dtype: Any, shape_dtype: Any, face_dtype: Any) -> Any:
+def frame_struct(kind: str, visible_dtype: Any, reflects: bool, shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of one camera's visibility in all worlds: what the kernel reads.
 
     Args:
         kind: "plain"; "layered": with mirrors, transparent shapes and haze; "overridden": with what worlds have each
             for themselves, too. What was not asked for of these is empty.
         visible_dtype: Type of the shares of light that reach a pixel, see occlusion.py; None where there are none.
+        reflects: With what surfaces mirror.
         shape_dtype: Integer type of shape ids.
         face_dtype: Integer type of faces.
     """
@@ -54,6 +55,9 @@ def frame_struct(kind: str, visible_dtype: Any, shape_dtype: Any, face_dtype: An
     }
     if visible_dtype is not None:
         fields["visible"] = wp.array(dtype=visible_dtype)  # (pixel,)
+    if reflects:
+        # (pixel,) light that is added to a pixel's, and in w what its own is multiplied by before
+        fields["reflections"] = wp.array(dtype=wp.vec4)
     if kind != "plain":
         fields |= {
             "mirrors": wp.array(dtype=Mirror),  # (world,)
@@ -113,9 +117,10 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     """
     tables, flags = frame.tables, planned.key.flags
     more, varied = flags & LAYER_FLAGS, flags & OVERRIDE_FLAGS and tables.world_overrides is not None
+    reflects = bool(flags & ShadingFlag.HAS_REFLECTIONS)
     kind = "overridden" if varied else "layered" if more else "plain"
     visible = dtype_of(frame.find(planned, "visible"), None)
-    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible))
+    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible, reflects))
     if varied:
         seen.overrides = tables.world_overrides
     if more:
@@ -124,7 +129,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
-    frame.fill(planned, seen, ("shadow", "visible"))
+    frame.fill(planned, seen, ("shadow", "visible", "reflections") if reflects else ("shadow", "visible"))
     seen.horizon, seen.plane, seen.planes = tables.horizon, tables.first_plane, len(tables.planes)
     images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)

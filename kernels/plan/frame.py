@@ -13,12 +13,13 @@ import warp as wp
 from warpcam.kernels.flags import TRAVERSED, ShadingFlag, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
 from warpcam.kernels.plan import edges, film, history, launches, occlusion, paths, shading, shadow, splats, trace
+from warpcam.kernels.plan.buffers import LIT_PIXELS, REFLECTIONS, planned_buffers
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.film import FilmKey
 from warpcam.kernels.plan.occlusion import OccluderKey, OcclusionFilterKey, OcclusionKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
-from warpcam.kernels.plan.paths import PathKey, PathListKey
+from warpcam.kernels.plan.paths import PathKey, PathListKey, ReflectionKey
 from warpcam.kernels.plan.planned_pass import Arrays, Passes, PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
@@ -31,13 +32,12 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
+    | PathListKey | PathKey | ReflectionKey | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
 )  # fmt: skip
 
 Result = TypeVar("Result")
 
 VISIBLE = ("depth", "shape", "face")  # arrays of the trace that later passes read
-LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
 FINE = "finer "  # names of finer images and of their buffers, in the camera's scratch memory, begin with this
 
 
@@ -92,6 +92,11 @@ class FramePlan:
             yield from ((FINE + name, dtype, size) for name, dtype in LIT_PIXELS.items() if name in drawn)
 
     @property
+    def reflects(self) -> bool:
+        """Rays find what surfaces mirror."""
+        return any(name == REFLECTIONS for name, _ in self.buffers) or (self.fine is not None and self.fine.reflects)
+
+    @property
     def keys(self) -> tuple[KernelKey, ...]:
         """Kernels of the frame that have variants, each once, in the order of launches."""
         found = [*(self.fine.keys if self.fine else ()), self.lists, *(each.key for each in self.passes)]
@@ -141,7 +146,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
     capacity = 0 if transparent else trace.capacity_of(tables, request, device)
     in_view = trace.chooses_in_view(tables, request, device)
     in_place = bool(smooth) and edges.in_place(tables, request, device)
-    buffers = _buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
+    buffers = planned_buffers(tables, request, device, transparent, mirrors, () if in_place else smooth)
     planner = _Planner(
         tables, request, device, group, buffers=buffers, mirrors=mirrors, listed=capacity > 0, in_view=in_view
     )
@@ -212,51 +217,6 @@ def _late(tables: SceneTables, request: ImageRequest) -> frozenset[str]:
     return derived if geometry_of(tables.shape_types) & TRAVERSED else derived - {"albedo"}
 
 
-def _buffers(
-    tables: SceneTables,
-    request: ImageRequest,
-    device: wp.Device,
-    transparent: bool,
-    mirrors: bool,
-    smooth: Sequence[str],
-) -> dict[str, Any]:
-    """Buffers between the passes, with their dtypes; ``smooth``: outputs that are lit into a buffer first."""
-    asked = [OUTPUTS[name] for name in request.outputs]
-    derived = [name for name in request.outputs if traced_as(name, tables.shape_types) is None]
-    # they go on from each other's depth and shape
-    passes = tables.num_drawn > launches.MAX_LISTED or trace.chooses_in_view(tables, request, device)
-    needed = passes or tables.splats is not None or bool(derived)
-    images = {output.trace for output in asked} - ({"shape"} if tables.ids_by_world else set())
-    if request.lens in launches.TABLES:  # whose trace has the distance where others have depth
-        images = images - {"depth", "distance"} | ({"depth"} if "distance" in images else set())
-    faces = bool(geometry_of(tables.shape_types) & TRAVERSED) and any("face" in pass_of(name).needs for name in derived)
-    lit, shares = any(output.lit for output in asked), occlusion.shares_of(tables, request)
-    count = occlusion.num_shares(tables, shares)
-    # What is seen without the transparent shapes is nobody's image. It is there when all other outputs are made.
-    wanted = {
-        "depth": transparent or (needed and "depth" not in images),
-        "shape": transparent or (needed and "shape" not in images),
-        "face": faces,
-        "shadow": request.shadows and tables.num_lights > 0 and lit and not shares & ShadingFlag.SOFT_SHADOWS,
-        "rays": lit and bool(shares),
-        "visible": lit and bool(shares),
-        "mirror depth": mirrors,
-        "mirror shape": mirrors,
-        "mirror face": mirrors and faces,
-    }
-    ids, faces_dtype = launches.id_dtypes(tables, device)
-    dtypes = {
-        "depth": wp.float32,
-        "shape": ids,
-        "face": faces_dtype,
-        "shadow": wp.uint8,
-        "rays": occlusion.pixel_bytes(occlusion.NORMAL_BYTES + count),
-        "visible": occlusion.pixel_bytes(count),
-    }
-    chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}
-    return chosen | {f"{BUFFER}lit {name}": LIT_PIXELS[name] for name in smooth}
-
-
 @dataclass(frozen=True)
 class _Planner:
     """Plans the passes that make some of a camera's outputs."""
@@ -297,8 +257,12 @@ class _Planner:
         if shaded:
             write_back = bool(smooth) and opaque and tables.physical is None and tables.splats is None
             shares = occlusion.shares_of(tables, request) if visible else ShadingFlag(0)
-            launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, write_back=write_back)
-            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *shaded)))
+            mixed = ((("reflections", REFLECTIONS),) if REFLECTIONS in self.buffers else ()) if lit else ()
+            if mixed:
+                last += self._reflections((*seen, *mixed))
+            more = {"write_back": write_back, "reflections": bool(mixed)}
+            launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, **more)
+            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *mixed, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -336,6 +300,15 @@ class _Planner:
             trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view
         )
         return self._pass("trace", launch, arrays)
+
+    def _reflections(self, arrays: Arrays) -> list[PlannedPass[Any]]:
+        """Passes that find what smooth surfaces mirror and what is seen through clear ones."""
+        tables, request, device = self.tables, self.request, self.device
+        key = paths.plan_reflections(tables, request, device)
+        return [
+            PlannedPass("path shapes", paths.plan_list(tables, request, device), paths.LIST_THREADS),
+            PlannedPass("reflections", key, request.width * request.height, arrays),
+        ]
 
     def _occlusion(self, seen: Arrays) -> list[PlannedPass[Any]]:
         """Passes that find what share of light reaches the surface of each pixel."""

@@ -40,22 +40,46 @@ class PathKey:
         return 2
 
 
+@dataclass(frozen=True)
+class ReflectionKey:
+    """The kernel that has a thread for each pixel: native/path/reflections.h."""
+
+    types: SceneTypes
+    lens: Lens
+    flags: ShadingFlag
+
+    @property
+    def blocks(self) -> int:
+        """Likewise, as a path's."""
+        return 2
+
+
 def plan_list(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PathListKey:
     return PathListKey(launches.scene_types(tables, device), LENSES[request.lens])
 
 
 def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PathKey:
     """The kernel that draws the lit images of a request."""
+    flags = _flags(tables) | shading.tone_flag(request, request.outputs)
+    return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
+
+
+def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device) -> ReflectionKey:
+    """The kernel that traces the reflections of a request; what is mirrored has shadows where pixels have them."""
+    flags = _flags(tables) | flag_if(ShadingFlag.HAS_SHADOWS, request.shadows and tables.num_lights > 0)
+    return ReflectionKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
+
+
+def _flags(tables: SceneTables) -> ShadingFlag:
+    """Features of a scene as rays in any direction meet them."""
     layers = tables.layers
-    flags = (
+    return (
         flag_if(ShadingFlag.HAS_MATERIALS, tables.has_materials)
         | flag_if(ShadingFlag.HAS_TEXTURES, tables.has_textures)
         | flag_if(ShadingFlag.HAS_SKYBOX, tables.has_skybox)
         | flag_if(ShadingFlag.HAS_MAPS, tables.has_maps and tables.has_textures)
         | flag_if(ShadingFlag.HAS_TRANSPARENT, layers is not None and layers.has_transparent)
         | shading.override_flags(tables.world_overrides, tables.headlights)
-        | shading.tone_flag(request, request.outputs)
         | shading.environment_flags(tables)
         | ShadingFlag.PHYSICAL
     )
-    return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)

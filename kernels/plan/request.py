@@ -10,6 +10,8 @@ from warpcam.kernels.outputs import lit_outputs
 SUPERSAMPLING: Mapping[int, tuple[int, int]] = {8: (2, 1), 16: (2, 2), 64: (4, 4)}
 EDGE_SAMPLES = 4
 BUFFER = "buffer "  # names of buffers begin with this, those of images do not
+# Likewise where reflections are traced: all samples are parts, as edges run through what mirrors show, too.
+REFLECTED_PARTS: Mapping[int, tuple[int, int]] = {4: (2, 2), 8: (4, 2), 16: (4, 4), 64: (8, 8)}
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class ImageRequest:
         paths: Lit images are traced by paths of light; neither shadows nor antialiasing count then.
         metered: The exposure is set by the light of the whole image.
         bloom: Light is scattered over the image.
+        reflections: Rays find what smooth surfaces mirror, and what is seen through clear ones.
         ambient_occlusion: Shapes hide light from all around.
         soft_shadows: Shadows are those of lights as large as they are.
     """
@@ -41,6 +44,7 @@ class ImageRequest:
     paths: bool = False
     metered: bool = False
     bloom: bool = False
+    reflections: bool = False
     ambient_occlusion: bool = False
     soft_shadows: bool = False
 
@@ -52,14 +56,16 @@ class ImageRequest:
     @property
     def parts(self) -> tuple[int, int]:
         """Parts of a pixel, across and down, in images that are drawn finer; (1, 1) where none is."""
-        return SUPERSAMPLING.get(self.antialiasing, (1, 1)) if self.smooth else (1, 1)
+        table = REFLECTED_PARTS if self.reflections else SUPERSAMPLING
+        return table.get(self.antialiasing, (1, 1)) if self.smooth else (1, 1)
 
     @property
     def fine(self) -> "ImageRequest":
         """Lit images whose pixels are the parts of the request's."""
         across, down = self.parts
         width, height = across * self.width, down * self.height
-        return replace(self, width=width, height=height, outputs=self.smooth, antialiasing=EDGE_SAMPLES)
+        samples = 1 if self.reflections else EDGE_SAMPLES
+        return replace(self, width=width, height=height, outputs=self.smooth, antialiasing=samples)
 
     @property
     def sharp(self) -> "ImageRequest":

@@ -91,6 +91,7 @@ def plan_shading(
     mirrors: bool = False,
     mirrored: bool = False,
     write_back: bool = False,
+    reflections: bool = False,
 ) -> PlannedLaunch[ShadingKey]:
     """The kernel that writes ``outputs``.
 
@@ -105,6 +106,7 @@ def plan_shading(
         mirrors: The scene reflects.
         mirrored: The view is the one from behind the mirrors.
         write_back: Transparent shapes that cover most of a pixel replace what was found there.
+        reflections: There is an image of what surfaces mirror.
     """
     width, height = request.width, request.height
     layers, layered = tables.layers, ShadingFlag(0)
@@ -115,6 +117,7 @@ def plan_shading(
             layered |= ShadingFlag.HAS_TRANSPARENT | flag_if(ShadingFlag.WRITE_BACK_TRANSPARENT, write_back)
             transparent = launches.rounded_capacity(layers.transparent_shapes.size, 8, device)
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
+    layered |= flag_if(ShadingFlag.HAS_REFLECTIONS, reflections)
     overrides = override_flags(tables.world_overrides, tables.headlights)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True, fitted=True)
     flags = appearance_flags(tables, shadows) | shares | layered | overrides | tone_flag(request, outputs)

@@ -25,6 +25,7 @@
 #include "splats/gaussian_blend.h"
 #include "traversal/visibility.h"
 #include "path/path_tracer.h"
+#include "path/reflections.h"
 #include "occlusion/occluders.h"
 #include "occlusion/occlusion_filter.h"
 

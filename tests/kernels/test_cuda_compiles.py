@@ -243,6 +243,17 @@ def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> N
     assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 2
 
 
+@pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Fisheye(fovy=100.0)])
+def test_of_reflections(lens: Any, card: list[launch.Stage], folder: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom size=".2" rgba="1 1 1 .5"/>'
+    mjm = scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS)
+    _render(
+        mjm, ("rgb", "hdr"), look="pbr", occlusion={"reflections": True}, lens=lens, sky=lens.projection == "pinhole"
+    )
+    names = ("trace_reflections", "list_path_shapes", "write_images")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 3
+
+
 @pytest.mark.parametrize("occlusion", [{"ambient_occlusion": 1.0}, {"ambient_occlusion": 1.0, "soft_shadows": True}])
 def test_of_occlusion(occlusion: Any, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'

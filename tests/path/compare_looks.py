@@ -1,7 +1,7 @@
 """``python -m tests.path.compare_looks``: FLIP of the look "pbr" beside "path", on the scenes compared with Mitsuba.
 
 Prints a table in Markdown. Cameras are those of the comparison; pictures are ``rgb``, the real-time ones with shadows
-and smooth edges.
+and smooth edges, without and with reflections.
 """
 
 import argparse
@@ -38,6 +38,8 @@ class Row(NamedTuple):
         light: Mean radiance of "pbr" over that of "path".
         hidden_flip: As ``flip``, with ambient occlusion and soft shadows.
         hidden_light: As ``light``, likewise.
+        reflected_flip: As ``flip``, with reflections alone.
+        reflected_light: As ``light``, likewise.
     """
 
     scene: str
@@ -45,6 +47,8 @@ class Row(NamedTuple):
     light: float
     hidden_flip: float
     hidden_light: float
+    reflected_flip: float
+    reflected_light: float
 
 
 def compare(name: str, samples: int, device: wp.Device) -> Row:
@@ -53,7 +57,7 @@ def compare(name: str, samples: int, device: wp.Device) -> Row:
         scene = scene_of(stage, judged.SCENES[name], device)
         reference = _drawn(scene, {"look": "path", "path": wc.PathOptions(samples=samples)})
         numbers: list[float] = []
-        for options in ({}, {"ambient_occlusion": math.inf, "soft_shadows": True}):
+        for options in ({}, {"ambient_occlusion": math.inf, "soft_shadows": True}, {"reflections": True}):
             fast = _drawn(scene, {"look": "pbr", **options}, shadows=True, antialiasing=4)
             flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
             numbers += [flip, float(fast["hdr"].mean() / reference["hdr"].mean())]
@@ -75,13 +79,13 @@ def _drawn(scene: wc.Scene, options: dict[str, Any], **more: Any) -> dict[str, n
 
 
 def table(rows: Sequence[Row]) -> str:
-    lines = ["| scene | FLIP | light | FLIP, hidden | light, hidden |", "|---|---:|---:|---:|---:|"]
+    lines = ["| scene | FLIP | light | FLIP, hidden | light, hidden | FLIP, reflections | light, reflections |"]
+    lines += ["|---|" + "---:|" * 6]
     lines += [
-        f"| {row.scene} | {row.flip:.3f} | {row.light:.2f} | {row.hidden_flip:.3f} | {row.hidden_light:.2f} |"
-        for row in rows
+        f"| {row.scene} | " + " | ".join(f"{n:.{3 - k % 2}f}" for k, n in enumerate(row[1:])) + " |" for row in rows
     ]
-    flip, hidden = (np.mean([getattr(row, name) for row in rows]) for name in ("flip", "hidden_flip"))
-    return "\n".join([*lines, f"| mean | {flip:.3f} | | {hidden:.3f} | |"])
+    means = np.mean([[row.flip, row.hidden_flip, row.reflected_flip] for row in rows], axis=0)
+    return "\n".join([*lines, "| mean |" + "".join(f" {mean:.3f} | |" for mean in means)])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

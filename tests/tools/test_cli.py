@@ -94,6 +94,15 @@ def test_render_lights_by_an_environment(scene: Path, tmp_path: Path, capsys: py
     assert says in capsys.readouterr().err
 
 
+def test_render_reflects(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is no mirror is as before, and the scene's own look has none."""
+    how = ("--look", "pbr", "--worlds", "1", "--size", "32x24", "--outputs", "rgb", "--out", tmp_path)
+    assert render(scene, *how, "--reflections") == 0
+    assert (tmp_path / "front-rgb.png").exists()
+    assert render(scene, "--reflections", "--out", tmp_path) == 2
+    assert "reflections is True, which is of look='pbr' alone; the look is 'mujoco'" in capsys.readouterr().err
+
+
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     outputs = ("rgb", "depth", "normals", "points", "segmentation")

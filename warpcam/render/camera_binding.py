@@ -53,12 +53,17 @@ class CameraArrays(WorldArrays):
 class CameraBinding:
     """One camera in a scene.
 
+    Args:
+        camera: The camera.
+        scene: The scene.
+        reflections: Of the renderer: a pixel has other parts then.
+
     Attributes:
         arrays: What may be written, by name.
         film: FilmArrays, where what is shown depends on the light of a whole image, else None.
     """
 
-    def __init__(self, camera: Camera, scene: Scene):
+    def __init__(self, camera: Camera, scene: Scene, reflections: bool = False):
         self._scene = scene
         self._camera = camera
         self._index = -1 if camera.is_own else scene.camera(camera.name, "Renderer: cameras")
@@ -78,7 +83,7 @@ class CameraBinding:
             if isinstance(camera.lens, RayTableLens):
                 self._tables = {
                     parts: LensTable(camera, camera.lens, scene.num_worlds, scene.device, parts)
-                    for parts in dict.fromkeys([(1, 1), parts_of(camera)])
+                    for parts in dict.fromkeys([(1, 1), parts_of(camera, reflections)])
                 }
             else:
                 self._make_lens(camera.lens)
@@ -347,14 +352,14 @@ def pose_bytes(camera: Camera) -> int:
     return 4 * numbers
 
 
-def shared_bytes(camera: Camera, scene: Scene) -> int:
+def shared_bytes(camera: Camera, scene: Scene, reflections: bool = False) -> int:
     """Bytes of what a camera has beside, however many worlds there are.
 
     These are a lens's table, a bloom's weights, that there is no skybox, and which shapes it sees if not all.
     """
     table = 0
     if isinstance(camera.lens, RayTableLens):
-        for across, down in dict.fromkeys([(1, 1), parts_of(camera)]):
+        for across, down in dict.fromkeys([(1, 1), parts_of(camera, reflections)]):
             table += camera.lens.bytes(across * camera.width, down * camera.height, scene.num_worlds)
     seen = 4 * (len(kept_shapes(camera, scene)) + scene.tables().num_shapes) if camera.exclude_bodies else 0
     blur = 0 if camera.bloom is None else camera.bloom.weights(camera.height).nbytes

@@ -8,6 +8,7 @@ import warp as wp
 
 from warpcam.camera.camera import Camera
 from warpcam.camera.lens import Projection
+from warpcam.camera.lens_tables import RayTableLens
 from warpcam.core.errors import WarpcamError
 from warpcam.kernels.layers import Mirror
 from warpcam.kernels.outputs import OUTPUTS
@@ -24,13 +25,18 @@ from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import View
 from warpcam.render.flow_history import CameraHistory, needs_history
 from warpcam.render.occlusion import NO_OCCLUSION, Occlusion, make_occlusion
-from warpcam.render.paths import PathOptions, make_paths
+from warpcam.render.paths import PathOptions, make_lists, make_paths
 
 MAX_PIXELS = 2**31
 
 
-def check_size(camera: Camera, num_worlds: int) -> None:
-    across, down = parts_of(camera)
+def check_size(camera: Camera, num_worlds: int, reflections: bool = False) -> None:
+    across, down = parts_of(camera, reflections)
+    if across > 1 and isinstance(camera.lens, RayTableLens) and not camera.lens.has_parts:
+        raise WarpcamError(
+            f"{camera.where}: antialiasing is {camera.antialiasing} and the renderer has reflections, which takes rays "
+            f"of a pixel's parts, and {type(camera.lens).__name__} has a ray for each pixel; 1 is allowed"
+        )
     if num_worlds * camera.height * camera.width * across * down >= MAX_PIXELS:
         parts = f" with antialiasing={camera.antialiasing}, of {across * down} parts each," if across > 1 else ""
         raise WarpcamError(
@@ -39,13 +45,17 @@ def check_size(camera: Camera, num_worlds: int) -> None:
         )
 
 
-def parts_of(camera: Camera) -> tuple[int, int]:
+def parts_of(camera: Camera, reflections: bool = False) -> tuple[int, int]:
     """Parts of a pixel, across and down, that are drawn as pixels of a finer image; (1, 1) where none is."""
-    return request_of(camera, "pinhole").parts
+    return request_of(camera, "pinhole", reflections=reflections).parts
 
 
 def request_of(
-    camera: Camera, projection: Projection, paths: bool = False, occlusion: Occlusion = NO_OCCLUSION
+    camera: Camera,
+    projection: Projection,
+    paths: bool = False,
+    occlusion: Occlusion = NO_OCCLUSION,
+    reflections: bool = False,
 ) -> ImageRequest:
     """The images that a camera asks for.
 
@@ -54,6 +64,7 @@ def request_of(
         projection: Of its rays.
         paths: Lit images are traced by paths of light.
         occlusion: What hides light in them.
+        reflections: Rays find what surfaces mirror, and what is seen through clear ones.
     """
     return ImageRequest(
         camera.width,
@@ -66,6 +77,7 @@ def request_of(
         paths=paths,
         metered=camera.auto_exposure is not None,
         bloom=camera.bloom is not None,
+        reflections=reflections,
         ambient_occlusion=occlusion.radius is not None,
         soft_shadows=occlusion.soft,
     )
@@ -118,6 +130,7 @@ class CameraPasses:
         device: Where the arrays lie.
         paths: Options of paths, where lit images are traced by paths of light, and int32, (1,): those that are added.
         occlusion: What hides light.
+        reflections: Rays find what surfaces mirror, and what is seen through clear ones.
         film: FilmArrays, where what is shown depends on the light of a whole image.
 
     Attributes:
@@ -136,11 +149,13 @@ class CameraPasses:
         device: wp.Device,
         paths: tuple[PathOptions, wp.array] | None = None,
         occlusion: Occlusion = NO_OCCLUSION,
+        reflections: bool = False,
         film: FilmArrays | None = None,
     ):
         num_worlds = tables.num_worlds
         size = (num_worlds, camera.height, camera.width)
-        self._request, self._device = request_of(camera, projection, paths is not None, occlusion), device
+        self._request = request_of(camera, projection, paths is not None, occlusion, reflections)
+        self._device = device
         self.plan = plan_frame(tables, self._request, device)
         plan, parts = self.plan, self._request.parts
         self.seen = ViewArrays(plan, (1, 1), num_worlds, device)
@@ -149,7 +164,7 @@ class CameraPasses:
             name: wp.zeros((*size, OUTPUTS[name].channels), dtype=OUTPUTS[name].dtype, device=device)
             for name in camera.outputs
         }
-        self._paths, self._film = None, film
+        self._paths, self._film = make_lists(tables, device) if plan.reflects else None, film
         if plan.paths and paths is not None:
             self._paths = make_paths(tables, camera.width * camera.height, *paths, device)
         self._occlusion = make_occlusion(tables, occlusion.radius, device) if traces_occlusion(plan.keys) else None

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, Literal, get_args
 from weakref import WeakSet
 
+import numpy as np
 import warp as wp
 
 from warpcam.camera.camera import Camera
@@ -44,9 +45,10 @@ class Look:
         options: Of paths; only with "path".
         scene: The scene.
         environments: ``Environments`` of it, or None.
+        reflections: Whether rays find what surfaces mirror, and what is seen through clear ones.
     """
 
-    def __init__(self, name: Any, options: Any, scene: Scene, environments: Any = None):
+    def __init__(self, name: Any, options: Any, scene: Scene, environments: Any = None, reflections: Any = False):
         own = "pbr" if scene.description().physical else "mujoco"
         if name is not None and name not in get_args(LookName):
             allowed = ", ".join(repr(each) for each in get_args(LookName))
@@ -67,7 +69,8 @@ class Look:
             raise WarpcamError(
                 f"Renderer: look is {self.name!r}, for which this scene has no materials; its own is {own!r}"
             )
-        if not self.traces_paths:
+        self.reflections = self._checked_reflections(reflections)
+        if not (self.traces_paths or self.reflections):
             _tell_of_transmission(self._parts)
         self._arrays: Mapping[str, wp.array] | None = None
         self._environments = self._checked(environments, scene)
@@ -110,6 +113,19 @@ class Look:
             why = "the scene has clouds of Gaussians" if self._has_splats else "the look is 'mujoco'"
             raise WarpcamError(f"Renderer: environments light look='pbr' and look='path' of shapes, and {why}")
         return environments
+
+    def _checked_reflections(self, reflections: Any) -> bool:
+        if not isinstance(reflections, bool | np.bool_):
+            raise WarpcamError(f"Renderer: reflections must be True or False, got {reflections!r}")
+        if reflections and self.name != "pbr":
+            raise WarpcamError(
+                f"Renderer: reflections is True, which is of look='pbr' alone; the look is {self.name!r}"
+            )
+        if reflections and self._has_splats:
+            raise WarpcamError(
+                "Renderer: reflections is True, and mirrors show no clouds of Gaussians, which this scene has"
+            )
+        return bool(reflections)
 
     def _lit_by_environments(self, tables: SceneTables) -> SceneTables:
         """The tables with images in float in place of the scene's own sky."""
@@ -173,13 +189,14 @@ class Look:
 
 
 def _tell_of_transmission(parts: SceneDescription) -> None:
-    """Warn, once for a scene, that the real-time look draws no transmission."""
+    """Warn, once for a scene, that the real-time look draws no transmission without reflections."""
     names = parts.transmissive
     if names and parts not in _told:
         _told.add(parts)
         more = f" and {len(names) - FEW} more" if len(names) > FEW else ""
         logging.getLogger("warpcam").warning(
-            "Renderer: look='pbr' draws no transmission, as look='path' does; these materials are drawn solid: %s%s",
+            "Renderer: look='pbr' draws no transmission without reflections=True, and look='path' does; these "
+            "materials are drawn solid: %s%s",
             ", ".join(names[:FEW]),
             more,
         )

@@ -18,7 +18,7 @@ from warpcam.render.camera_passes import check_size, request_of
 from warpcam.render.flow_history import history_bytes
 from warpcam.render.looks import Look, LookName
 from warpcam.render.occlusion import occlusion_bytes
-from warpcam.render.paths import path_bytes
+from warpcam.render.paths import list_bytes, path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
 from warpcam.scene.scene import Scene
 
@@ -64,6 +64,7 @@ def estimate_memory(
     look: LookName | None = None,
     ambient_occlusion: float | None = None,
     soft_shadows: bool = False,
+    reflections: bool = False,
 ) -> Memory:
     """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
 
@@ -77,20 +78,25 @@ def estimate_memory(
         look: As the renderer takes it.
         ambient_occlusion: Likewise.
         soft_shadows: Likewise.
+        reflections: Likewise.
 
     Raises:
         WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
             little free: that is the renderer's to say.
     """
     by_key = check_cameras(scene, cameras)
-    own = Look(look, None, scene)
+    own = Look(look, None, scene, reflections=reflections)
     own.check_display(by_key.values())
     occlusion = own.occlusion(ambient_occlusion, soft_shadows, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
-        check_size(camera, scene.num_worlds)
+        check_size(camera, scene.num_worlds, own.reflections)
     plans = {
-        key: plan_frame(tables, request_of(camera, projection_of(camera, scene), paths, occlusion), scene.device)
+        key: plan_frame(
+            tables,
+            request_of(camera, projection_of(camera, scene), paths, occlusion, own.reflections),
+            scene.device,
+        )
         for key, camera in by_key.items()
     }
     vector, mirror = (wp.types.type_size_in_bytes(dtype) for dtype in (wp.vec4, Mirror))
@@ -103,8 +109,9 @@ def estimate_memory(
         images={key: image_bytes(camera, scene.num_worlds) for key, camera in by_key.items()},
         scratch=Scratch(by_key, plans, scene.num_worlds, scene.device).size,
         worlds=scene.num_worlds * (10 + sum(pose_bytes(one) + planned[key] for key, one in by_key.items()))
-        + sum(shared_bytes(one, scene) for one in by_key.values())
+        + sum(shared_bytes(one, scene, own.reflections) for one in by_key.values())
         + sum(path_bytes(tables, one.width * one.height) for key, one in by_key.items() if plans[key].paths)
+        + sum(list_bytes(tables) for plan in plans.values() if plan.reflects)
         + sum(occlusion_bytes(tables) for plan in plans.values() if traces_occlusion(plan.keys))
         + 4 * paths,
         past=history_bytes(by_key, [key for key, plan in plans.items() if plan.lists is not None], scene, tables),

@@ -34,8 +34,7 @@ from warpcam.render.scratch_memory import Batch, LentImages, Rounds, Scratch, cu
 from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
 
-# A portion of so many pixels is drawn in so many parts side by side: one goes on while another's last pixels are waited
-# for.
+# A portion of so many pixels is drawn in parts side by side: one goes on while another's last pixels are waited for.
 SPLIT_ABOVE_PIXELS = 2**22
 CHAINS = 3
 ROUNDS = 2  # in which worlds of a group are coloured where that makes groups fewer
@@ -57,6 +56,7 @@ class Renderer(RenderedTensors):
         environments: Light from all around, from images in float; not with look="mujoco".
         ambient_occlusion: Radius, above 0, within which shapes hide light from all around [m]; only with look="pbr".
         soft_shadows: Cameras with shadows show those of lights as large as they are; only with look="pbr".
+        reflections: Rays find what smooth surfaces mirror and clear ones let through; only with look="pbr".
 
     Attributes:
         images: The images of the last frame, by camera and output: tensors (world, height, width, channels) on the
@@ -86,6 +86,7 @@ class Renderer(RenderedTensors):
         environments: Environments | None = None,
         ambient_occlusion: float | None = None,
         soft_shadows: bool = False,
+        reflections: bool = False,
     ):
         self._cameras = check_cameras(scene, cameras)
         self._shades = any(OUTPUTS[name].trace is None for camera in self._cameras.values() for name in camera.outputs)
@@ -93,16 +94,16 @@ class Renderer(RenderedTensors):
             raise WarpcamError(f"Renderer: graph must be True or False, got {graph!r}")
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
-        self._look = Look(look, path, scene, environments)
+        self._look = Look(look, path, scene, environments, reflections)
         occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, self._cameras.values())
-        self.memory = estimate_memory(scene, cameras, look=look, **occlusion.arguments)
+        self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections, **occlusion.arguments)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())
-        self._bindings = {key: CameraBinding(camera, scene) for key, camera in self._cameras.items()}
-        paths = self._look.paths(scene.device)
+        self._bindings = {key: CameraBinding(camera, scene, reflections) for key, camera in self._cameras.items()}
+        options = (tables, scene.device, self._look.paths(scene.device), occlusion, reflections)
         self._passes = {
-            key: CameraPasses(camera, binding.projection, tables, scene.device, paths, occlusion, binding.film)
+            key: CameraPasses(camera, binding.projection, *options, binding.film)
             for (key, camera), binding in zip(self._cameras.items(), self._bindings.values(), strict=True)
         }
         self._selection = Selection(scene.num_worlds, scene.device)
@@ -229,8 +230,7 @@ class Renderer(RenderedTensors):
     def set_lens(self, camera: str | int, lens: Lens) -> None:
         """Put another table of rays, any lens but ``Pinhole`` and ``Orthographic``, in place of a camera's.
 
-        It is seen at the next render. The table is made on the host and copied. Graphs stay valid, a captured one of
-        the user's, too.
+        It is seen at the next render. The table is made on the host and copied. All graphs stay valid.
 
         Args:
             camera: Its name; it must have been built with such a lens.

@@ -76,6 +76,11 @@ def add(command: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
+        "--reflections",
+        action="store_true",
+        help="trace what smooth surfaces mirror and what is seen through clear ones, with --look pbr",
+    )
+    command.add_argument(
         "--ambient-occlusion",
         type=float,
         metavar="M",
@@ -137,6 +142,7 @@ def run(options: argparse.Namespace) -> int:
             environments=scene_options.environments_of(options, scene),
             ambient_occlusion=options.ambient_occlusion,
             soft_shadows=options.soft_shadows,
+            reflections=options.reflections,
         )
         look, images = _drawing(renderer, cameras, model, options)
         progress.update(steps, description="first frame", advance=1)

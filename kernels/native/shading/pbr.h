@@ -14,14 +14,34 @@ template <class Scene_, class Physical_> struct PhysicalScene : Scene_ {
 template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Physical_&)
     -> PhysicalScene<Scene_, Physical_>;
 
-// The light that a place of a surface sends to the eye, linear; all in the camera's frame.
+// What a ray in the mirror direction meets replaces the sky there, all of it up to SHARP_ROUGHNESS, and none of it from
+// ROUGHEST_MIRROR on, as one ray is no lobe.
+constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
+
+template <class Number> WARPCAM_DEVICE Number sharpness(Number roughness)
+{
+    const Number blur = saturate((roughness - SHARP_ROUGHNESS) * (1.0f / (ROUGHEST_MIRROR - SHARP_ROUGHNESS)));
+    return 1.0f - blur * blur * (3.0f - 2.0f * blur);
+}
+
+// Light from all around as a surface of that roughness mirrors it, about the mirror direction, in the world.
 template <int FLAGS, class Scene_, class Vector>
-WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const AreaLights& list, const Scene_& scene,
+WARPCAM_DEVICE Vector mirrored_sky(const Sky& sky, const Scene_& scene, Vector mirror, NumberOf<Vector> roughness)
+{
+    if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0)
+        return lobe_of(load_environment(scene.physical.environments, sky.world), mirror, roughness * roughness);
+    else
+        return sky_along<(FLAGS & HAS_SKYBOX) != 0>(sky, scene.textures, scene.background, mirror, roughness);
+}
+
+// The light that a place of a surface sends to the eye, linear; all in the camera's frame. `list`:
+// AreaLights, or WorldLights of path/lit_surface.h.
+template <int FLAGS, class Lights_, class Scene_, class Vector>
+WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Lights_& list, const Scene_& scene,
                                      const Mat3& rotation, Vector place, Vector normal, Vector to_eye,
                                      const Visibility<FLAGS, Vector>& visibility)
 {
     using Number = NumberOf<Vector>;
-    constexpr bool IMAGE = FLAGS & HAS_SKYBOX;
     const Number slant = dot(normal, to_eye), eye_cosine = max(abs(slant), 1.0e-4f), none = 0.0f;
     Vector light = inputs.emission, around { none, none, none };
 #pragma unroll 1
@@ -48,21 +68,16 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Area
     const Vector up = transform(rotation, normal), reflected = transform(rotation, 2.0f * slant * normal - to_eye);
     const Vector mirror = lobe_direction(up, reflected, inputs.bsdf.roughness);
     const Vector even = around + sky_on(list.sky, up);
-    const auto reflected_sky = [&] {
-        if constexpr ((FLAGS & HAS_ENVIRONMENT) != 0) {
-            const Number alpha = inputs.bsdf.roughness * inputs.bsdf.roughness;
-            return lobe_of(load_environment(scene.physical.environments, list.sky.world), mirror, alpha);
-        } else {
-            return sky_along<IMAGE>(list.sky, scene.textures, scene.background, mirror, inputs.bsdf.roughness);
-        }
-    };
-    const Vector mirrored = around + reflected_sky();
+    const Vector mirrored = around + mirrored_sky<FLAGS>(list.sky, scene, mirror, inputs.bsdf.roughness);
     if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
         const Number open = visibility.open();
+        Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
+        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)  // rays find what hides the sky of mirrors
+            opening = opening + sharpness(inputs.bsdf.roughness) * (1.0f - opening);
         return light
                + inputs.open
                      * environment_brdf(inputs.bsdf, eye_cosine, mul(open_with_bounces(open, inputs.bsdf.matt), even),
-                                        specular_opening(open, eye_cosine, inputs.bsdf.roughness) * mirrored);
+                                        opening * mirrored);
     }
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }

@@ -223,6 +223,9 @@ WARPCAM_INLINED void resolve_pixel(const Appearances* looks, const List& lights,
         if constexpr ((FLAGS & HAS_MIRROR) != 0)
             if (seen && solid.shape == wp::index(frame.mirrors, world).shape)
                 add_mirrored<IMAGES>(images, pixel.at, shown.linear, shown.display);
+        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)
+            if (seen)
+                mix_reflections<FLAGS>(scene, world, pixel.at, shown.linear, shown.display);
         if constexpr ((FLAGS & HAS_HAZE) != 0)
             if (haze_sample.density > 0.0f && !(seen && solid.depth < haze_sample.depth)) {
                 const Vec3 haze = exposed<FLAGS>(scene, world, haze_sample.density * as_vec3(frame.haze.color));

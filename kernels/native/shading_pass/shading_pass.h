@@ -239,7 +239,7 @@ WARPCAM_DEVICE void resolve(const Scene_& scene, const Lights& lights, int index
             }
     };
     if constexpr (Wants::SURFACE) {
-        constexpr bool APART = (FLAGS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE)) != 0;
+        constexpr bool APART = (FLAGS & (MIRROR_VIEW | HAS_MIRROR | HAS_TRANSPARENT | HAS_HAZE | HAS_REFLECTIONS)) != 0;
         constexpr int ROWS = min(HEIGHT, 4096 / WIDTH);
         Sorted<ROWS * WIDTH> sorted;
         ShadedRows<ROWS * WIDTH, IMAGES, APART> shaded;
