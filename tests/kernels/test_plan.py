@@ -23,7 +23,7 @@ from warpcam.kernels.flags import (
 from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.plan import edges, frame, launches, shading, shadow, trace, words
 from warpcam.kernels.plan.passes import PASSES, pass_of, register
-from warpcam.kernels.plan.request import ImageRequest
+from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.runtime.launch import Group
 from warpcam.kernels.scene_tables import SceneTables
 
@@ -252,7 +252,7 @@ def test_passes_and_buffers_follow_from_the_outputs(
 ) -> None:
     plan = planned(*outputs, shadows=True)
     assert [each.name for each in plan.passes] == names
-    assert {name for name, _ in plan.buffers} == {frame.BUFFER + name for name in buffers}
+    assert {name for name, _ in plan.buffers} == {BUFFER + name for name in buffers}
     written = {name for each in plan.passes for _, name in each.arrays}
     assert written == set(outputs) | {name for name, _ in plan.buffers}
 
