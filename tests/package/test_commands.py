@@ -35,6 +35,7 @@ warpcam.benchmarks.corpus: `tests/sources/usd/test_usd_broken.py`
 warpcam.benchmarks.conditions: `tests/benchmarks/test_conditions.py`
 warpcam.benchmarks.datasets: `tests/benchmarks/test_dataset_rates.py`
 warpcam.benchmarks.labels: `tests/benchmarks/test_label_costs.py`
+warpcam.benchmarks.look_speed: `tests/benchmarks/test_look_speed.py` `test_the_command_draws_and_writes_results`
 warpcam.benchmarks.looks: `tests/benchmarks/test_looks.py` `test_the_command_draws_a_scene_in_its_looks`
 warpcam.benchmarks.ray_casts: `tests/compat/test_mjlab_ray_casts.py`
 warpcam.benchmarks.training: `tests/benchmarks/test_training.py`
