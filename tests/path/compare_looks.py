@@ -1,7 +1,7 @@
 """``python -m tests.path.compare_looks``: FLIP of the look "pbr" beside "path", on the scenes compared with Mitsuba.
 
 Prints a table in Markdown. Cameras are those of the comparison; pictures are ``rgb``, the real-time ones with shadows
-and smooth edges, without and with reflections.
+and smooth edges.
 """
 
 import argparse
@@ -29,26 +29,27 @@ from usd_stages import metric  # noqa: E402
 SAMPLES = 1024
 
 
+HIDDEN = {"ambient_occlusion": math.inf, "soft_shadows": True}
+WAYS: dict[str, dict[str, Any]] = {
+    "alone": {},
+    "hidden": HIDDEN,
+    "reflections": {"reflections": True},
+    "both": {**HIDDEN, "reflections": True},
+}
+
+
 class Row(NamedTuple):
     """One scene.
 
     Attributes:
         scene: Its name.
-        flip: Mean FLIP of the two pictures, 0 to 1.
-        light: Mean radiance of "pbr" over that of "path".
-        hidden_flip: As ``flip``, with ambient occlusion and soft shadows.
-        hidden_light: As ``light``, likewise.
-        reflected_flip: As ``flip``, with reflections alone.
-        reflected_light: As ``light``, likewise.
+        flips: Mean FLIP of "pbr" beside "path", 0 to 1, in each of ``WAYS``.
+        lights: Mean radiance of "pbr" over that of "path", likewise.
     """
 
     scene: str
-    flip: float
-    light: float
-    hidden_flip: float
-    hidden_light: float
-    reflected_flip: float
-    reflected_light: float
+    flips: tuple[float, ...]
+    lights: tuple[float, ...]
 
 
 def compare(name: str, samples: int, device: wp.Device) -> Row:
@@ -56,12 +57,9 @@ def compare(name: str, samples: int, device: wp.Device) -> Row:
         stage = metric(Usd.Stage.CreateNew(str(Path(folder) / "stage.usda")))
         scene = scene_of(stage, judged.SCENES[name], device)
         reference = _drawn(scene, {"look": "path", "path": wc.PathOptions(samples=samples)})
-        numbers: list[float] = []
-        for options in ({}, {"ambient_occlusion": math.inf, "soft_shadows": True}, {"reflections": True}):
-            fast = _drawn(scene, {"look": "pbr", **options}, shadows=True, antialiasing=4)
-            flip, _ = image_metrics.flip(reference["rgb"], fast["rgb"])
-            numbers += [flip, float(fast["hdr"].mean() / reference["hdr"].mean())]
-    return Row(name, *numbers)
+        drawn = [_drawn(scene, {"look": "pbr", **way}, shadows=True, antialiasing=4) for way in WAYS.values()]
+    flips = tuple(image_metrics.flip(reference["rgb"], images["rgb"])[0] for images in drawn)
+    return Row(name, flips, tuple(float(images["hdr"].mean() / reference["hdr"].mean()) for images in drawn))
 
 
 def _drawn(scene: wc.Scene, options: dict[str, Any], **more: Any) -> dict[str, np.ndarray]:
@@ -79,13 +77,13 @@ def _drawn(scene: wc.Scene, options: dict[str, Any], **more: Any) -> dict[str, n
 
 
 def table(rows: Sequence[Row]) -> str:
-    lines = ["| scene | FLIP | light | FLIP, hidden | light, hidden | FLIP, reflections | light, reflections |"]
-    lines += ["|---|" + "---:|" * 6]
-    lines += [
-        f"| {row.scene} | " + " | ".join(f"{n:.{3 - k % 2}f}" for k, n in enumerate(row[1:])) + " |" for row in rows
-    ]
-    means = np.mean([[row.flip, row.hidden_flip, row.reflected_flip] for row in rows], axis=0)
-    return "\n".join([*lines, "| mean |" + "".join(f" {mean:.3f} | |" for mean in means)])
+    names = [f"{number}, {way}" for number in ("FLIP", "light") for way in WAYS]
+    lines = [f"| scene | {' | '.join(names)} |", "|---|" + len(names) * "---:|"]
+    for row in rows:
+        numbers = [*(f"{flip:.3f}" for flip in row.flips), *(f"{light:.2f}" for light in row.lights)]
+        lines.append(f"| {row.scene} | {' | '.join(numbers)} |")
+    means = [f"{np.mean(column):.3f}" for column in zip(*(row.flips for row in rows), strict=True)]
+    return "\n".join([*lines, f"| mean | {' | '.join(means)} |{len(WAYS) * ' |'}"])
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
