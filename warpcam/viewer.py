@@ -106,6 +106,9 @@ class Viewer:
         port: int = 8080,
         look: LookName | None = None,
         environments: Environments | None = None,
+        ambient_occlusion: float | None = None,
+        soft_shadows: bool = False,
+        reflections: bool = False,
     ):
         """Begin to serve the page.
 
@@ -116,8 +119,11 @@ class Viewer:
             host: Address of this machine to listen at; "0.0.0.0" lets others in the network look, too.
             port: There. If it is taken, the next that is free.
             look: As ``Renderer`` takes it: the look of ``rgb`` and ``hdr`` that the page begins with.
-
             environments: As ``Renderer`` takes it; the look "mujoco", where a page changes to it, is without.
+            ambient_occlusion: As ``Renderer`` takes it, in metres. The page must begin with the look "pbr"; the other
+                looks, where a page changes to them, are without.
+            soft_shadows: Likewise, as ``Renderer`` takes it.
+            reflections: Likewise.
 
         Raises:
             WarpcamError: An argument is not as described.
@@ -135,7 +141,14 @@ class Viewer:
         self._samples, self._added = 0, 1  # of these, and how many more come at once
         self._cameras = {name or str(index): index for index, name in enumerate(scene.cameras)}
         looks, self._environments = looks_of(scene), environments
-        if environments is not None and (look or looks[0]) == "mujoco":
+        self._rays: dict[str, Any] = {
+            "ambient_occlusion": ambient_occlusion,
+            "soft_shadows": soft_shadows,
+            "reflections": reflections,
+        }
+        first_look = look or looks[0]
+        _check_rays(self._rays, first_look)
+        if environments is not None and first_look == "mujoco":
             raise WarpcamError("Viewer: environments light look='pbr' and look='path', and the look is 'mujoco'")
         self._renderer_of(ViewSelection("rgb", FREE, 0, look=look))
         lower, upper = scene.bounds()
@@ -147,7 +160,7 @@ class Viewer:
         first.fov = float(np.radians(start["lens"].fovy))
         gui = self.server.gui
         self._output = gui.add_dropdown("Output", OUTPUTS, initial_value="rgb")
-        self._look = gui.add_dropdown("Look", looks, initial_value=look or looks[0], visible=len(looks) > 1)
+        self._look = gui.add_dropdown("Look", looks, initial_value=first_look, visible=len(looks) > 1)
         self._paths: Any = gui.add_number("Paths a pixel", 0, disabled=True, visible=False)
         self._camera = gui.add_dropdown("Camera", (FREE, *self._cameras), initial_value=FREE)
         self._sensor = gui.add_dropdown("Sensor", (TRUTH, *CAMERA_MODELS), initial_value=TRUTH)
@@ -263,9 +276,10 @@ class Viewer:
                 **free,
             )
             paths = PathOptions(samples=1) if choice.traces_paths else None
-            mujoco = (look or looks_of(self._scene)[0]) == "mujoco"  # which they do not light
-            lights = None if mujoco else self._environments
-            renderer = Renderer(self._scene, [camera], look=look, path=paths, environments=lights)
+            drawn = look or looks_of(self._scene)[0]
+            lights = None if drawn == "mujoco" else self._environments  # which they do not light
+            rays = self._rays if drawn == "pbr" and choice.output in LIT else {}
+            renderer = Renderer(self._scene, [camera], look=look, path=paths, environments=lights, **rays)
             self._renderer = wanted, renderer, None if model is None else Rig(renderer, {camera.name: model})
         return self._renderer[1:]
 
@@ -292,6 +306,14 @@ def _bordered(picture: np.ndarray, aspect: float) -> np.ndarray:
     height, width = picture.shape[:2]
     beside, over = max(round(height * aspect) - width, 0), max(round(width / aspect) - height, 0)
     return np.pad(picture, ((over // 2, over - over // 2), (beside // 2, beside - beside // 2), (0, 0)))
+
+
+def _check_rays(rays: dict[str, Any], look: str) -> None:
+    """Refuse rays of the look "pbr" on a page that begins with another one."""
+    for name, value in rays.items():
+        is_off = value is None if name == "ambient_occlusion" else isinstance(value, bool | np.bool_) and not value
+        if look in ("mujoco", "path") and not is_off:
+            raise WarpcamError(f"Viewer: {name} is {value!r}, which is of look='pbr', and the look is {look!r}")
 
 
 def _check_host(host: Any) -> None:

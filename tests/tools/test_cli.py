@@ -103,6 +103,44 @@ def test_render_reflects(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "reflections is True, which is of look='pbr' alone; the look is 'mujoco'" in capsys.readouterr().err
 
 
+def test_render_exposes_by_itself(scene: Path, tmp_path: Path) -> None:
+    """Each picture is that of a camera with the options: of the same scene, in the same state."""
+    how = ("--look", "pbr", "--worlds", "1", "--size", "32x24", "--outputs", "rgb")
+    world = wc.load(scene, 1, device="cpu")
+    for number, (flags, film) in enumerate(
+        [
+            (("--auto-exposure",), {"auto_exposure": wc.AutoExposure()}),
+            (("--bloom", "0.5"), {"bloom": wc.Bloom(strength=0.5)}),
+            (
+                ("--auto-exposure", "--bloom", "0.5"),
+                {"auto_exposure": wc.AutoExposure(), "bloom": wc.Bloom(strength=0.5)},
+            ),
+        ]
+    ):
+        assert render(scene, *how, *flags, "--out", tmp_path / str(number)) == 0
+        picture = np.asarray(Image.open(tmp_path / str(number) / "front-rgb.png"))
+        pair = [wc.Camera("front", width=32, height=24, outputs=("rgb",), shadows=True, **more) for more in (film, {})]
+        expected, plain = (wc.Renderer(world, [each], look="pbr").render()["front"]["rgb"][0].numpy() for each in pair)
+        np.testing.assert_array_equal(picture, expected)
+        assert np.abs(picture.astype(int) - plain).max() > 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--auto-exposure",), "auto_exposure is AutoExposure(key=0.18"),
+        (("--bloom", "0.1"), "bloom is Bloom(strength=0.1, radius=0.05), and the look is 'mujoco'"),
+        (("--look", "pbr", "--bloom", "1.5"), "--bloom: Bloom: strength must be a number in [0, 1], got 1.5"),
+        (("--look", "pbr", "--bloom", "nan"), "--bloom: Bloom: strength must be a number in [0, 1], got nan"),
+    ],
+)
+def test_render_tells_what_is_wrong_with_exposure_and_bloom(
+    arguments: tuple[str, ...], told: str, scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert render(scene, *arguments, "--out", tmp_path) == 2
+    assert told in capsys.readouterr().err
+
+
 def test_render_saves_a_sheet_per_output(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "new" / "folder"
     outputs = ("rgb", "depth", "normals", "points", "segmentation")

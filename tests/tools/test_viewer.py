@@ -362,27 +362,15 @@ def test_the_command_serves_a_file_until_interrupted(
 
     def update(self: Viewer, moved: bool) -> int:
         assert self._look.value == "pbr"
+        assert self._rays == {"ambient_occlusion": 0.5, "soft_shadows": True, "reflections": True}
         seen.append(moved)
         if len(seen) == 4:
             raise KeyboardInterrupt
         return 0
 
     monkeypatch.setattr(viewers.Viewer, "update", update)
-    arguments = [
-        "view",
-        path,
-        "--worlds",
-        "2",
-        "--size",
-        "32x24",
-        "--device",
-        "cpu",
-        "--port",
-        "18090",
-        "--look",
-        "pbr",
-    ]
-    assert cli.main([str(argument) for argument in arguments]) == 0
+    options = "--worlds 2 --size 32x24 --device cpu --port 18090 --look pbr --ambient-occlusion 0.5 --soft-shadows"
+    assert cli.main(["view", str(path), *options.split(), "--reflections"]) == 0
     assert "http://127.0.0.1:180" in capsys.readouterr().out
     assert any(seen) == (path.suffix == ".xml")
 

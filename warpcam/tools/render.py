@@ -76,17 +76,16 @@ def add(command: argparse.ArgumentParser) -> None:
         "(default: %(default)s)",
     )
     command.add_argument(
-        "--reflections",
+        "--auto-exposure",
         action="store_true",
-        help="trace what smooth surfaces mirror and what is seen through clear ones, with --look pbr",
+        help="with --look pbr and path: the exposure of each image is that of its own light",
     )
     command.add_argument(
-        "--ambient-occlusion",
+        "--bloom",
         type=float,
-        metavar="M",
-        help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
+        metavar="STRENGTH",
+        help="with --look pbr and path: share of the light that the lens scatters, from 0 to 1",
     )
-    command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
     command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
@@ -107,6 +106,7 @@ def run(options: argparse.Namespace) -> int:
     if options.denoise:
         denoised.check(options.look, outputs, options.tone_mapping)
     paths = None if options.samples is None else PathOptions(samples=options.samples)
+    film = _film(options)
     screen = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
@@ -130,6 +130,7 @@ def run(options: argparse.Namespace) -> int:
                 outputs=drawn,
                 shadows=True,
                 tone_mapping=options.tone_mapping,
+                **film,
                 **pose,
             )
             for name, pose in _cameras(options.camera, scene, host, width / height).items()
@@ -140,9 +141,7 @@ def run(options: argparse.Namespace) -> int:
             look=options.look,
             path=paths,
             environments=scene_options.environments_of(options, scene),
-            ambient_occlusion=options.ambient_occlusion,
-            soft_shadows=options.soft_shadows,
-            reflections=options.reflections,
+            **scene_options.rays_of(options),
         )
         look, images = _drawing(renderer, cameras, model, options)
         progress.update(steps, description="first frame", advance=1)
@@ -167,6 +166,15 @@ def run(options: argparse.Namespace) -> int:
         f"{rate:,.0f} frames/s on {_device_name(device)}"
     )
     return 0
+
+
+def _film(options: argparse.Namespace) -> dict[str, Any]:
+    """The arguments of cameras for automatic exposure and bloom."""
+    try:
+        bloom = None if options.bloom is None else warpcam.Bloom(strength=options.bloom)
+    except WarpcamError as error:
+        raise WarpcamError(f"--bloom: {error}") from None
+    return {"auto_exposure": warpcam.AutoExposure() if options.auto_exposure else None, "bloom": bloom}
 
 
 def _check_folder(folder: Path) -> None:

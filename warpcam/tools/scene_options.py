@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import warp as wp
@@ -54,6 +54,18 @@ def add_look(command: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="light from all around with --look pbr and path, a .hdr or .exr image by longitude and latitude",
     )
+    command.add_argument(
+        "--ambient-occlusion",
+        type=float,
+        metavar="M",
+        help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
+    )
+    command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
+    command.add_argument(
+        "--reflections",
+        action="store_true",
+        help="trace what smooth surfaces mirror and what is seen through clear ones, with --look pbr",
+    )
 
 
 def environments_of(options: argparse.Namespace, scene: Scene) -> Environments | None:
@@ -66,6 +78,11 @@ def environments_of(options: argparse.Namespace, scene: Scene) -> Environments |
             f"--environment: it lights --look pbr and --look path, and the look is 'mujoco', {own}; add --look pbr"
         )
     return Environments(scene, options.environment)
+
+
+def rays_of(options: argparse.Namespace) -> dict[str, Any]:
+    """The arguments of ``Renderer`` and ``Viewer`` for rays of the look "pbr"."""
+    return {name: getattr(options, name) for name in ("ambient_occlusion", "soft_shadows", "reflections")}
 
 
 def splats_of(options: argparse.Namespace) -> list[Splats]:

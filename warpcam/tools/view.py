@@ -47,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
         port=options.port,
         look=options.look,
         environments=scene_options.environments_of(options, scene),
+        **scene_options.rays_of(options),
     )
     print(f"{viewer.url} (Ctrl-C ends it)", flush=True)
     try:
