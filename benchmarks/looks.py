@@ -1,11 +1,14 @@
 """A page of scenes in the looks "mujoco", "pbr" and "path" side by side: ``python -m warpcam.benchmarks.looks``.
 
+The look "pbr" is there twice: plain, and with ambient occlusion, soft shadows and reflections.
+
 Renders each scene and writes ``images/looks/SCENE.jpg`` and the page ``looks_gallery.md`` into a folder.
 """
 
 import argparse
+import math
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +20,14 @@ from PIL import Image
 import warpcam as wc
 from warpcam.benchmarks import gallery, image_metrics, machine, scenes
 from warpcam.benchmarks.look_scenes import SCENES, LookScene
-from warpcam.render.looks import looks_of
+from warpcam.render.looks import LookName, looks_of
 from warpcam.sources.common import formats
 
 WIDTH, HEIGHT = 256, 192
 SAMPLES = 256
 QUALITY = 88  # of JPEG
+RAYS: dict[str, Any] = {"ambient_occlusion": math.inf, "soft_shadows": True, "reflections": True}
+WITH_RAYS = "pbr with rays"  # name of the column that is drawn with them
 PICTURES, PAGE = Path("images") / "looks", "looks_gallery.md"
 
 
@@ -41,8 +46,16 @@ def opened(scene: LookScene, device: wp.Device) -> wc.Scene:
     return wc.from_mujoco(mjm, mjd, device=device)
 
 
+def columns_of(world: wc.Scene, samples: int) -> Iterator[tuple[str, LookName, dict[str, Any]]]:
+    """Name, look and the renderer's options of each picture of a scene."""
+    for look in looks_of(world):
+        yield look, look, {"path": wc.PathOptions(samples=samples)} if look == "path" else {}
+        if look == "pbr":
+            yield WITH_RAYS, look, RAYS
+
+
 def pictures(scene: LookScene, samples: int, device: wp.Device) -> dict[str, np.ndarray]:
-    """The scene in each look that it has: (height, width, 3) uint8."""
+    """The scene in each look that it has, and in "pbr" with rays: (height, width, 3) uint8, by column."""
     place: dict[str, Any] = {}
     if scene.camera is None:
         place = {"position": scene.position, "rotation": scenes.facing(scene.position, scene.target),
@@ -50,22 +63,23 @@ def pictures(scene: LookScene, samples: int, device: wp.Device) -> dict[str, np.
     name = scene.camera or "view"
     world = opened(scene, device)
     found: dict[str, np.ndarray] = {}
-    for look in looks_of(world):
+    for column, look, options in columns_of(world, samples):
         real_time: dict[str, Any] = {} if look == "path" else {"shadows": True, "antialiasing": 16}
         camera = wc.Camera(name, width=WIDTH, height=HEIGHT, outputs=("rgb",), **place, **real_time)
-        path = wc.PathOptions(samples=samples) if look == "path" else None
-        images = wc.Renderer(world, [camera], look=look, path=path).render()
-        found[look] = images[name]["rgb"][0].cpu().numpy().copy()
+        images = wc.Renderer(world, [camera], look=look, **options).render()
+        found[column] = images[name]["rgb"][0].cpu().numpy().copy()
     return found
 
 
-def page(titles: Mapping[str, str], flips: Mapping[str, float], looks: Mapping[str, Sequence[str]], how: str) -> str:
+def page(
+    titles: Mapping[str, str], flips: Mapping[str, tuple[float, float]], columns: Mapping[str, Sequence[str]], how: str
+) -> str:
     """Text of the page.
 
     Args:
         titles: Of the scenes, by name.
-        flips: Mean FLIP of "pbr" beside "path".
-        looks: Names of the looks, as they stand side by side.
+        flips: Mean FLIP of "pbr" beside "path", plain and with rays.
+        columns: Names of the pictures of each scene, as they stand side by side.
         how: Sizes and the machine, in a sentence.
     """
     lines = [
@@ -80,14 +94,16 @@ def page(titles: Mapping[str, str], flips: Mapping[str, float], looks: Mapping[s
         "",
         f"{how} FLIP is the difference that eyes see when two pictures are swapped, 0 to 1: of `pbr` beside `path`.",
         "",
-        "| scene | FLIP |",
-        "|---|---:|",
-        *(f"| [{title}](#{name}) | {flips[name]:.3f} |" for name, title in titles.items()),
+        "`pbr` with rays has `ambient_occlusion=math.inf`, `soft_shadows=True` and `reflections=True`.",
+        "",
+        "| scene | FLIP, `pbr` | FLIP, `pbr` with rays |",
+        "|---|---:|---:|",
+        *(f"| [{title}](#{name}) | {flips[name][0]:.3f} | {flips[name][1]:.3f} |" for name, title in titles.items()),
     ]
     for name, title in titles.items():
-        beside = ", ".join(f"`{look}`" for look in looks[name])
+        beside = ", ".join(f"`{column}`" for column in columns[name]).replace(f"`{WITH_RAYS}`", "`pbr` with rays")
         lines += ["", f"## {name}", "", f"{title[0].upper()}{title[1:]}: {beside}."]
-        lines += ["", f"![{title}, in {len(looks[name])} looks]({PICTURES.as_posix()}/{name}.jpg)"]
+        lines += ["", f"![{title}, in {len(columns[name])} pictures]({PICTURES.as_posix()}/{name}.jpg)"]
     return "\n".join(lines) + "\n"
 
 
@@ -100,19 +116,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     device = wp.get_device(options.device)
     (options.out / PICTURES).mkdir(parents=True, exist_ok=True)
-    flips, looks = {}, {}
+    flips, columns = {}, {}
     for name in options.scene or SCENES:
         drawn = pictures(SCENES[name], options.samples, device)
         row = Image.fromarray(gallery.beside(list(drawn.values())))
         row.save(options.out / PICTURES / f"{name}.jpg", quality=QUALITY, optimize=True)
-        flips[name], looks[name] = image_metrics.flip(drawn["path"], drawn["pbr"])[0], tuple(drawn)
-        print(f"{name}: {', '.join(drawn)}; FLIP of pbr beside path {flips[name]:.3f}", flush=True)
+        plain, rays = (image_metrics.flip(drawn["path"], drawn[column])[0] for column in ("pbr", WITH_RAYS))
+        flips[name], columns[name] = (plain, rays), tuple(drawn)
+        print(f"{name}: {', '.join(drawn)}; FLIP beside path {plain:.3f}, with rays {rays:.3f}", flush=True)
     if options.scene is None:
         about = machine.describe(device)
         where = about["device"] if device.is_cuda else about["cpu"]
         how = f"Pictures have {WIDTH} x {HEIGHT} pixels and {options.samples} paths a pixel, rendered on {where}."
         titles = {name: scene.title for name, scene in SCENES.items()}
-        (options.out / PAGE).write_text(page(titles, flips, looks, how))
+        (options.out / PAGE).write_text(page(titles, flips, columns, how))
 
 
 if __name__ == "__main__":

@@ -31,10 +31,12 @@ def test_the_command_draws_a_scene_in_its_looks(
     monkeypatch.setattr(looks, "WIDTH", 32)
     monkeypatch.setattr(looks, "HEIGHT", 24)
     looks.main(["--out", str(tmp_path), "--scene", "sky", "--samples", "4", "--device", "cpu"])
-    assert "sky: pbr, path; FLIP of pbr beside path 0." in capsys.readouterr().out
+    assert "sky: pbr, pbr with rays, path; FLIP beside path 0." in capsys.readouterr().out
     picture = np.asarray(Image.open(tmp_path / "images" / "looks" / "sky.jpg"))
-    assert picture.shape == (24, 2 * 32 + 2, 3)
-    assert picture[:, :32].std() > 5.0 and picture[:, 34:].std() > 5.0
+    assert picture.shape == (24, 3 * 34 - 2, 3)
+    plain, rays, paths = (picture[:, left : left + 32].astype(int) for left in (0, 34, 68))
+    assert min(each.std() for each in (plain, rays, paths)) > 5.0
+    assert abs(rays - plain).max() > 30  # rays change what is drawn
     assert not (tmp_path / looks.PAGE).exists()
 
 
@@ -43,6 +45,7 @@ def test_the_page_has_every_scene_and_its_picture() -> None:
     for name, scene in look_scenes.SCENES.items():
         assert f"]({looks.PICTURES.as_posix()}/{name}.jpg)" in page and f"[{scene.title}](#{name})" in page
         assert (DOCS / looks.PICTURES / f"{name}.jpg").stat().st_size < 100_000
-    flips = dict.fromkeys(look_scenes.SCENES, 0.25)
-    written = looks.page({"demo": "the demo, MJCF"}, flips, {"demo": ("mujoco", "pbr")}, "Small.")
-    assert "| [the demo, MJCF](#demo) | 0.250 |" in written and "The demo, MJCF: `mujoco`, `pbr`." in written
+    flips = dict.fromkeys(look_scenes.SCENES, (0.25, 0.125))
+    written = looks.page({"demo": "the demo, MJCF"}, flips, {"demo": ("mujoco", "pbr", looks.WITH_RAYS)}, "Small.")
+    assert "| [the demo, MJCF](#demo) | 0.250 | 0.125 |" in written
+    assert "The demo, MJCF: `mujoco`, `pbr`, `pbr` with rays." in written
