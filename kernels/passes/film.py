@@ -15,7 +15,7 @@ from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.kernels import make_kernel
-from warpcam.kernels.runtime.launch import Stage
+from warpcam.kernels.runtime.launch import Stage, bind_launch
 
 wp.set_module_options(compiler_flags())
 
@@ -111,6 +111,13 @@ def adapt_exposure(
     automatic[world] = stops
 
 
+@wp.kernel(enable_backward=False)
+def forget_exposure(automatic: wp.array(dtype=wp.float32), mask: wp.array(dtype=wp.uint8), first: wp.int32):
+    world = first + wp.tid()
+    if mask[world] != wp.uint8(0):
+        automatic[world] = wp.nan
+
+
 @functools.cache
 def _meter_kernel() -> wp.Kernel:
     return make_kernel(
@@ -188,6 +195,11 @@ def bind_film(planned: PlannedPass[FilmKey], frame: CameraFrame) -> Stage:
     """Bind the stage that writes what is shown."""
     images = frame.fill(planned, FilmImages(), IMAGES)
     return frame.launch(planned, _film_kernel(planned.key), [_frame(planned, frame), images])
+
+
+def bind_reset(automatic: wp.array, mask: wp.array, device: wp.Device) -> Stage:
+    """Bind the stage after which the worlds that a mask has adapt to light anew."""
+    return bind_launch(forget_exposure, automatic.shape[0], [automatic, mask], device)
 
 
 def bind_again(passes: Sequence[PlannedPass[Any]], frame: CameraFrame) -> list[Stage]:

@@ -109,6 +109,24 @@ def test_adaptation(scene: wc.Scene, rate: float, device: wp.Device) -> None:
     np.testing.assert_allclose(automatic.cpu(), last + rate * (changed - last), atol=1e-4)
 
 
+@pytest.mark.parametrize("worlds", [None, [0, 2], [False, True, False]])
+@pytest.mark.parametrize("outputs", [("hdr",), ("hdr", "flow")])
+def test_reset_begins_adaptation_anew(scene: wc.Scene, worlds: Any, outputs: tuple[str, ...]) -> None:
+    """Of the worlds that it is given alone, whether there is flow to be forgotten or not."""
+    auto = camera("auto", auto_exposure=wc.AutoExposure(rate=0.25), outputs=outputs)
+    renderer = rendered(scene, "pbr", camera("plain"), auto)
+    automatic = renderer.camera("auto").auto_exposure
+    automatic[:] = 5.0
+    is_mask = worlds is not None and isinstance(worlds[0], bool)
+    renderer.reset(torch.tensor(worlds, device=automatic.device) if is_mask else worlds)
+    anew = np.zeros(len(BACKGROUNDS), bool)
+    anew[slice(None) if worlds is None else worlds] = True
+    np.testing.assert_array_equal(automatic.cpu(), np.where(anew, np.nan, 5.0))
+    renderer.render()
+    frame = stops_of(seen(renderer, "plain"))
+    np.testing.assert_allclose(automatic.cpu(), np.where(anew, frame, 0.75 * 5.0 + 0.25 * frame), atol=1e-4)
+
+
 def test_more_paths_are_no_more_frames(scene: wc.Scene, device: wp.Device) -> None:
     """They measure the same frame better, and start from the exposure that it started from."""
     auto = camera("auto", auto_exposure=wc.AutoExposure(rate=0.5), bloom=wc.Bloom())

@@ -102,10 +102,6 @@ class ShapeHistory:
             else [vertex_history.bind_vertex_history(self.corners, tables.meshes, mask, self._device)]
         )
 
-    def bind_reset(self, mask: wp.array) -> Stage:
-        """The stage after which nothing is known of the worlds that a mask has."""
-        return flow.bind_reset(self.frame_state, mask, self._device)
-
 
 def history_bytes(
     cameras: Mapping[str | int, Camera], listed: Collection[str | int], scene: Scene, tables: SceneTables

@@ -25,6 +25,7 @@ from warpcam.render.camera_binding import CameraArrays, CameraBinding
 from warpcam.render.camera_passes import CameraPasses, Stages
 from warpcam.render.faults import tell_faults
 from warpcam.render.flow_history import ShapeHistory
+from warpcam.render.last_frame import LastFrame
 from warpcam.render.looks import Look, LookName
 from warpcam.render.memory import check_cameras, estimate_memory, require_free
 from warpcam.render.paths import PathOptions
@@ -109,6 +110,7 @@ class Renderer(RenderedTensors):
         self._selection = Selection(scene.num_worlds, scene.device)
         self._histories = [(key, target.history) for key, target in self._passes.items() if target.history is not None]
         self._shape_history = ShapeHistory(scene, tables) if self._histories else None
+        self._last_frame = LastFrame(self._shape_history, self._bindings.values(), scene.device)
         plans = {key: target.plan for key, target in self._passes.items()}
         self._scratch = Scratch(self._cameras, plans, scene.num_worlds, scene.device)
         self._scratch.allocate()
@@ -188,22 +190,21 @@ class Renderer(RenderedTensors):
         return self.images
 
     def reset(self, worlds: Any = None) -> None:
-        """Forget the last frame of some worlds: where ``flow`` is 0 and ``flow_valid`` 0 at their next render.
+        """Forget the last frame of some worlds: ``flow`` and ``flow_valid`` are 0 at their next render.
 
-        To be called when a world has jumped to another state. It is queued as ``render`` is, and may be part of a
-        capture. Without a camera that has one of these outputs it does nothing.
+        Automatic exposure adapts anew: it is NaN, and then that of the next frame alone. To be called when a world has
+        jumped to another state. It is queued as ``render`` is, and may be part of a capture. Without a camera that has
+        one of these outputs or ``auto_exposure`` it does nothing.
 
         Args:
             worlds: As ``render`` takes them.
         """
-        if self._shape_history is None:
+        if self._last_frame.is_empty:
             return
         with self.lock, torch_interop.in_order(self._device) as capturing:
-            if worlds is None:
-                self._shape_history.frame_state.zero_()
-                return
-            self._selection.select(worlds, capturing, "reset")
-            self._forget.launch()
+            if worlds is not None:
+                self._selection.select(worlds, capturing, "reset")
+            self._last_frame.forget(everywhere=worlds is None)
 
     def array(self, camera: str | int, output: str) -> wp.array:
         """The Warp array behind ``images[camera][output]``: the same memory, (world, height, width, channels)."""
@@ -302,9 +303,7 @@ class Renderer(RenderedTensors):
                     frames[everything] += self._bind_phase(tables, phase, busiest)
             frames[everything] += [*self._bind_history(tables), *self._tail()]
         self._recordings = Recordings(frames, self._shades, self._device)
-        if self._shape_history is not None:
-            self._forget = self._shape_history.bind_reset(mask)
-            self._forget.prepare()
+        self._last_frame.bind(mask)
         recorded = (stage for frame in self._recording().frames.values() for stage in frame.stages)
         prepare([*recorded, *self._adding])
         self._tables = scene_tables
