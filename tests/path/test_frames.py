@@ -147,6 +147,7 @@ def renderer_of(scene: wc.Scene, **how: Any) -> wc.Renderer:
     ("make", "error"),
     [
         (lambda scene: renderer_of(scene, look="toon"), "look is 'toon'; allowed are 'mujoco', 'pbr', 'path'"),
+        (lambda scene: renderer_of(scene, look=np.array(["pbr", "path"])), "look is array(['pbr', 'path']"),
         (
             lambda scene: renderer_of(scene, path=wc.PathOptions()),
             "path has options of look='path', and the look is 'pbr'",

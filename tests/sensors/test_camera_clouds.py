@@ -271,6 +271,7 @@ def test_a_captured_frame(device: wp.Device) -> None:
         ({"exclude": {"instances": (1,)}}, "Camera('top'): outputs must have 'instances'"),
         ({"positions": "depth"}, "Camera('top'): outputs must have 'depth', got points, rgb"),
         ({"positions": "range"}, 'positions must be "points", "depth" or None, got \'range\''),
+        ({"positions": np.array(["points", "depth"])}, 'positions must be "points", "depth" or None, got array'),
         ({"frame": "hand"}, "frame: the scene has no body 'hand'"),
         ({"frame": ("camera", "hand")}, "frame: camera 'hand' came, the renderer has 'top', 'side'"),
         ({"frame": ("robot", "hand")}, 'frame must be "world", the name of a camera or a body'),

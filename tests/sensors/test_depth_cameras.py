@@ -190,6 +190,8 @@ def test_a_delivery_needs_no_output() -> None:
 def test_mistakes_are_named() -> None:
     with pytest.raises(wc.WarpcamError, match="azure_kinect: mode is 'wide'; allowed are 'nfov_2x2binned'"):
         sensors.azure_kinect("wide")  # type: ignore[arg-type]
+    with pytest.raises(wc.WarpcamError, match="azure_kinect: mode is array"):
+        sensors.azure_kinect(np.array(["nfov_unbinned", "wfov_unbinned"]))  # type: ignore[arg-type]
     model = sensors.realsense_d435()
     with pytest.raises(wc.WarpcamError, match="RealSense D435: camera 'top': lens is the model's own"):
         model.camera("top", lens=wc.Pinhole(fovy=50.0))

@@ -94,7 +94,7 @@ def test_quality_is_of_each_world(device: wp.Device) -> None:
     assert errors[0] < errors[1] - 2.0 < errors[2] - 4.0
 
 
-@pytest.mark.parametrize("subsampling", ["4:2:2", None, 2])
+@pytest.mark.parametrize("subsampling", ["4:2:2", None, 2, np.array(["4:4:4", "4:2:0"])])
 def test_other_subsampling_is_refused(subsampling: Any) -> None:
     with pytest.raises(wc.WarpcamError, match="subsampling must be '4:4:4', '4:2:0', got"):
         measured(sensors.JpegArtifacts(50, subsampling), picture(), wp.get_device("cpu"))

@@ -75,6 +75,7 @@ def test_gray_stays(interpolation: Any, device: wp.Device) -> None:
     [
         ({"filters": "RGB"}, "filters must be 'RGGB', 'BGGR', 'GRBG', 'GBRG', got 'RGB'"),
         ({"interpolation": "cubic"}, "interpolation must be 'bilinear', 'malvar', got 'cubic'"),
+        ({"filters": np.array(["RGGB", "BGGR"])}, "filters must be 'RGGB', .* got array"),
         ({"filters": ["R"]}, r"filters must be 'RGGB', .* got \['R'\]"),
     ],
 )

@@ -196,6 +196,7 @@ def test_refusals(stage: Usd.Stage, device: wp.Device) -> None:
         ({"rotation": (0.0, 0.0, 0.0, 0.0)}, "rotation must not be 0"),
         ({"intensity": -1.0}, "intensity must not be negative"),
         ({"intensity": (1.0, 2.0)}, "intensity must have shape"),
+        ({"limits": 5}, "limits must be a warpcam.Limits or None, got int"),
     ):
         with pytest.raises(wc.WarpcamError, match=says):
             wc.Environments(scene, image, **options)

@@ -196,6 +196,11 @@ def test_groups_of_worlds(scene: wc.Scene, device: wp.Device, monkeypatch: pytes
             np.testing.assert_array_equal(seen(grouped, str(key), name), seen(whole, str(key), name))
 
 
+@pytest.mark.parametrize("radius", [5e-324, 1e-300, 1e-4])
+def test_a_bloom_narrower_than_a_pixel_leaves_it_as_it_is(radius: float) -> None:
+    np.testing.assert_array_equal(wc.Bloom(radius=radius).weights(64), (1.0, 0.0))
+
+
 def test_refusals(device: wp.Device) -> None:
     for options, says in (
         ({"key": 0.0}, "AutoExposure: key must be a number in"),

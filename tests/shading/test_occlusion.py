@@ -266,6 +266,7 @@ ERRORS = {
     "ambient_occlusion must be a radius above 0 in metres or None, got 0.0": {"ambient_occlusion": 0.0},
     "ambient_occlusion must be a radius above 0 in metres or None, got nan": {"ambient_occlusion": math.nan},
     "ambient_occlusion must be a radius above 0 in metres or None, got True": {"ambient_occlusion": True},
+    "ambient_occlusion must be a radius above 0 in metres or None, got 1000": {"ambient_occlusion": 10**400},
     "soft_shadows must be True or False, got 4": {"soft_shadows": 4},
     "ambient_occlusion is of look='pbr', and the look is 'mujoco'": {"ambient_occlusion": 1.0, "look": "mujoco"},
     "soft_shadows is of look='pbr', and the look is 'path'": {"soft_shadows": True, "look": "path"},

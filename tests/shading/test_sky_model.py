@@ -99,6 +99,12 @@ def test_each_world_has_its_sky(stage: Usd.Stage, look: str, device: wp.Device) 
         assert np.abs(seen[world] - truth).mean() < 0.12 * truth.mean()
 
 
+@pytest.mark.parametrize("length", [1e-200, 1e200])
+def test_a_sun_direction_may_have_any_length(length: float) -> None:
+    sky = wc.Environments.sky((0.6 * length, 0.0, 0.8 * length), height=16)
+    np.testing.assert_allclose(sky, wc.Environments.sky((0.6, 0.0, 0.8), height=16), rtol=1e-6)
+
+
 def test_refusals() -> None:
     cases: tuple[tuple[Any, dict[str, Any], str], ...] = (
         ((1.0, 0.0, 0.0), {}, "sun_direction must be above the horizon, +z is up, got (1.0, 0.0, 0.0)"),

@@ -101,7 +101,7 @@ def test_means_at_edges_are_of_colours(stage: Usd.Stage, device: wp.Device) -> N
 
 def test_refusals(stage: Usd.Stage, device: wp.Device) -> None:
     allowed = "allowed are 'clip', 'reinhard', 'aces', 'khronos_neutral', 'agx'"
-    for bad in ("filmic", None, 1, ["agx"]):
+    for bad in ("filmic", None, 1, ["agx"], np.array(["agx"]), np.array(["agx", "clip"])):
         with pytest.raises(wc.WarpcamError, match=re.escape(f"Camera('c'): tone_mapping is {bad!r}; {allowed}")):
             camera(tone_mapping=bad)
     mjm = mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")

@@ -106,7 +106,7 @@ class Camera:
                 f"({type(self.lens).__name__}); Pinhole and Orthographic have it"
             )
         for name, choices in (("depth_clipping", get_args(DepthClipping)), ("tone_mapping", get_args(ToneMapping))):
-            if (value := getattr(self, name)) not in choices:
+            if not isinstance(value := getattr(self, name), str) or value not in choices:
                 allowed = ", ".join(map(repr, choices))
                 raise WarpcamError(f"{self.where}: {name} is {value!r}; allowed are {allowed}")
         if not isinstance(self.shadows, bool | np.bool_):

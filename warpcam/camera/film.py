@@ -9,6 +9,7 @@ from warpcam.core.arrays import MAX_EXPOSURE
 from warpcam.core.errors import WarpcamError
 
 WIDEST = 0.25  # standard deviation of a bloom, of the image's height
+NARROWEST = 1e-3  # the same [pixels]: from there on no other pixel has a weight that float32 holds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +79,7 @@ class Bloom:
         Returns:
             float32, (pixels + 1,); the first and twice the others add up to 1.
         """
-        sigma = self.radius * height
+        sigma = max(self.radius * height, NARROWEST)
         away = np.arange(int(np.ceil(3.0 * sigma)) + 1)
         weights = np.exp(-0.5 * (away / sigma) ** 2)
         return np.asarray(weights / (2.0 * weights.sum() - 1.0), np.float32)

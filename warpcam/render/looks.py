@@ -50,7 +50,7 @@ class Look:
 
     def __init__(self, name: Any, options: Any, scene: Scene, environments: Any = None, reflections: Any = False):
         own = "pbr" if scene.description().physical else "mujoco"
-        if name is not None and name not in get_args(LookName):
+        if name is not None and not (isinstance(name, str) and name in get_args(LookName)):
             allowed = ", ".join(repr(each) for each in get_args(LookName))
             raise WarpcamError(f"Renderer: look is {name!r}; allowed are {allowed}, or None for the scene's own")
         self.name: LookName = next(each for each in get_args(LookName) if each == (own if name is None else name))

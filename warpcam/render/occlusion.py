@@ -1,6 +1,7 @@
 """What hides light in the real-time look: how it is asked for, and what a camera keeps for its rays."""
 
 import math
+import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -57,8 +58,8 @@ NO_OCCLUSION = Occlusion()
 
 
 def _is_radius(value: Any) -> bool:
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool | np.bool_)
-    return number and value > 0.0 and not math.isnan(value)
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+    return number and (0.0 < value <= sys.float_info.max or value == math.inf)
 
 
 def _num_rows(tables: SceneTables) -> int:

@@ -70,6 +70,8 @@ class Environments(WorldArrays):
         where = "Environments"
         if not isinstance(scene, Scene):
             raise WarpcamError(f"{where}: scene must be made by from_usd or the like, got {type(scene).__name__}")
+        if not isinstance(limits, Limits | None):
+            raise WarpcamError(f"{where}: limits must be a warpcam.Limits or None, got {type(limits).__name__}")
         worlds = scene.num_worlds
         several = _several(images)
         light = [_image(each, number, limits) for number, each in enumerate(several)]

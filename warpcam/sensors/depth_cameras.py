@@ -116,7 +116,7 @@ def azure_kinect(mode: AzureKinectMode = "nfov_unbinned") -> CameraModel:
     Raises:
         WarpcamError: Any other mode.
     """
-    if mode not in get_args(AzureKinectMode):
+    if not isinstance(mode, str) or mode not in get_args(AzureKinectMode):
         allowed = ", ".join(repr(name) for name in get_args(AzureKinectMode))
         raise WarpcamError(f"azure_kinect: mode is {mode!r}; allowed are {allowed}")
     width, height, across, down, rate, near, far = AZURE_KINECT_MODES[mode]

@@ -108,7 +108,7 @@ def of_camera(
     """
     camera = drawn.camera
     here = f"{where}: {camera.where}"
-    if positions is not None and positions not in get_args(Positions):
+    if positions is not None and not (isinstance(positions, str) and positions in get_args(Positions)):
         raise WarpcamError(f'{where}: positions must be "points", "depth" or None, got {positions!r}')
     own: dict[str, wp.array] = dict(drawn.images)
     if not isinstance(images, Mapping | None):

@@ -129,12 +129,13 @@ def _disk(around: np.ndarray, toward: np.ndarray, texel: float) -> np.ndarray:
 
 def _direction(value: Any, where: str) -> np.ndarray:
     vector = as_numbers(value, where, "three numbers").astype(np.float64)
-    length = np.linalg.norm(vector) if vector.shape == (3,) else 0.0
-    if not (0.0 < length < math.inf):
+    if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
         raise WarpcamError(f"{where} must be three finite numbers, not all 0, got {value!r}")
-    if vector[2] / length < LOWEST_SUN:
+    vector /= np.abs(vector).max()  # whose squares are neither too large nor too small
+    vector /= np.linalg.norm(vector)
+    if vector[2] < LOWEST_SUN:
         raise WarpcamError(f"{where} must be above the horizon, +z is up, got {value!r}")
-    return vector / length
+    return vector
 
 
 def _check(value: Any, where: str, lowest: float, highest: float) -> None:

@@ -65,7 +65,7 @@ class JpegArtifacts(Effect):
     starts_with_bytes = True
 
     def check(self, where: str) -> None:
-        if self.subsampling not in get_args(Subsampling):
+        if not isinstance(self.subsampling, str) or self.subsampling not in get_args(Subsampling):
             allowed = ", ".join(map(repr, get_args(Subsampling)))
             raise WarpcamError(f"{where}: subsampling must be {allowed}, got {self.subsampling!r}")
 

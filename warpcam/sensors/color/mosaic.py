@@ -40,7 +40,7 @@ class BayerMosaic(Effect):
     def check(self, where: str) -> None:
         for name, kind in (("filters", Filters), ("interpolation", Interpolation)):
             value = getattr(self, name)
-            if value not in get_args(kind):
+            if not isinstance(value, str) or value not in get_args(kind):
                 raise WarpcamError(f"{where}: {name} must be {', '.join(map(repr, get_args(kind)))}, got {value!r}")
 
     def bind(self, frame: EffectFrame) -> Sequence[Stage]:
