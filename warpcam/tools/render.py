@@ -87,6 +87,7 @@ def add(command: argparse.ArgumentParser) -> None:
         help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
     )
     command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
+    command.add_argument("--indirect-light", action="store_true", help="with --look pbr: one bounce of light")
     command.add_argument(
         "--denoise", action="store_true", help="denoise light of --look path by Open Image Denoise, which is biased"
     )
@@ -142,6 +143,7 @@ def run(options: argparse.Namespace) -> int:
             environments=scene_options.environments_of(options, scene),
             ambient_occlusion=options.ambient_occlusion,
             soft_shadows=options.soft_shadows,
+            indirect_light=options.indirect_light,
             reflections=options.reflections,
         )
         look, images = _drawing(renderer, cameras, model, options)
