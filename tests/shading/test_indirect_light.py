@@ -112,7 +112,7 @@ def test_a_lamp_lights_a_room_by_its_walls(stage: Usd.Stage, device: wp.Device) 
     scene = wc.from_usd(stage, device=device, exposure=0.0)
     seen = lit(scene, inside(shadows=True), look="pbr", indirect_light=True)
     direct = lit(scene, inside(shadows=True), look="pbr")
-    traced = lit(scene, inside(), look="path", path=wc.PathOptions(samples=256, bounces=2))
+    traced = lit(scene, inside(), look="path", path=wc.PathOptions(samples=64, bounces=2))
     assert seen.mean() == pytest.approx(traced.mean(), rel=0.03)
     assert direct.mean() < 0.9 * seen.mean()
     lit_there = np.pad(direct > 0.001 * direct.max(), 1, mode="edge")  # and, of edges, beside it
