@@ -108,6 +108,7 @@ class Viewer:
         environments: Environments | None = None,
         ambient_occlusion: float | None = None,
         soft_shadows: bool = False,
+        indirect_light: bool = False,
         reflections: bool = False,
     ):
         """Begin to serve the page.
@@ -123,6 +124,7 @@ class Viewer:
             ambient_occlusion: As ``Renderer`` takes it, in metres. The page must begin with the look "pbr"; the other
                 looks, where a page changes to them, are without.
             soft_shadows: Likewise, as ``Renderer`` takes it.
+            indirect_light: Likewise.
             reflections: Likewise.
 
         Raises:
@@ -144,6 +146,7 @@ class Viewer:
         self._rays: dict[str, Any] = {
             "ambient_occlusion": ambient_occlusion,
             "soft_shadows": soft_shadows,
+            "indirect_light": indirect_light,
             "reflections": reflections,
         }
         first_look = look or looks[0]

@@ -31,16 +31,21 @@ from warpcam.kernels.types import (
     View,
 )
 
+# Images of light that earlier passes found, with the flags of kernels that read them. "indirect": from shapes, the mean
+# by cosine, and in w the share of light from beyond them; "reflections": light that is added to a pixel's, and in w
+# what its own is multiplied by before.
+LIGHT_IMAGES = {"indirect": ShadingFlag.INDIRECT_LIGHT, "reflections": ShadingFlag.HAS_REFLECTIONS}
+
 
 @functools.cache
-def frame_struct(kind: str, visible_dtype: Any, reflects: bool, shape_dtype: Any, face_dtype: Any) -> Any:
+def frame_struct(kind: str, visible_dtype: Any, light: tuple[str, ...], shape_dtype: Any, face_dtype: Any) -> Any:
     """Struct of one camera's visibility in all worlds: what the kernel reads.
 
     Args:
         kind: "plain"; "layered": with mirrors, transparent shapes and haze; "overridden": with what worlds have each
             for themselves, too. What was not asked for of these is empty.
         visible_dtype: Type of the shares of light that reach a pixel, see occlusion.py; None where there are none.
-        reflects: With what surfaces mirror.
+        light: Of LIGHT_IMAGES, those that there are.
         shape_dtype: Integer type of shape ids.
         face_dtype: Integer type of faces.
     """
@@ -55,9 +60,7 @@ def frame_struct(kind: str, visible_dtype: Any, reflects: bool, shape_dtype: Any
     }
     if visible_dtype is not None:
         fields["visible"] = wp.array(dtype=visible_dtype)  # (pixel,)
-    if reflects:
-        # (pixel,) light that is added to a pixel's, and in w what its own is multiplied by before
-        fields["reflections"] = wp.array(dtype=wp.vec4)
+    fields |= dict.fromkeys(light, wp.array(dtype=wp.vec4))  # (pixel,)
     if kind != "plain":
         fields |= {
             "mirrors": wp.array(dtype=Mirror),  # (world,)
@@ -117,10 +120,10 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
     """
     tables, flags = frame.tables, planned.key.flags
     more, varied = flags & LAYER_FLAGS, flags & OVERRIDE_FLAGS and tables.world_overrides is not None
-    reflects = bool(flags & ShadingFlag.HAS_REFLECTIONS)
+    light = tuple(name for name, flag in LIGHT_IMAGES.items() if flags & flag)
     kind = "overridden" if varied else "layered" if more else "plain"
     visible = dtype_of(frame.find(planned, "visible"), None)
-    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible, reflects))
+    frame_type, seen = frame.visible(planned, functools.partial(frame_struct, kind, visible, light))
     if varied:
         seen.overrides = tables.world_overrides
     if more:
@@ -129,7 +132,7 @@ def bind(planned: PlannedPass[ShadingKey], frame: CameraFrame) -> Stage:
         if frame.layers.haze is not None:
             seen.haze = frame.layers.haze
     seen.views = frame.mirrored if flags & ShadingFlag.MIRROR_VIEW else frame.views
-    frame.fill(planned, seen, ("shadow", "visible", "reflections") if reflects else ("shadow", "visible"))
+    frame.fill(planned, seen, ("shadow", "visible", *light))
     seen.horizon, seen.plane, seen.planes = tables.horizon, tables.first_plane, len(tables.planes)
     images = frame.fill(planned, images_struct()(), IMAGES)
     lights, scene = tables.physical or tables.lights, (tables.shapes, tables.meshes, tables.height_fields)

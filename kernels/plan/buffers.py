@@ -13,7 +13,7 @@ from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.scene_tables import SceneTables
 
 LIT_PIXELS = {"rgb": wp.vec3ub, "rgba": wp.vec4ub, "hdr": wp.vec3}  # of images before their edges are smoothed
-REFLECTIONS = f"{BUFFER}reflections"
+REFLECTIONS, INDIRECT = f"{BUFFER}reflections", f"{BUFFER}indirect"
 
 
 def planned_buffers(
@@ -44,6 +44,8 @@ def planned_buffers(
         "shadow": request.shadows and tables.num_lights > 0 and lit and not shares & ShadingFlag.SOFT_SHADOWS,
         "rays": lit and bool(shares),
         "visible": lit and bool(shares),
+        "indirect rays": request.indirect_light and lit,
+        "indirect": request.indirect_light and lit,
         "reflections": request.reflections and lit,
         "mirror depth": mirrors,
         "mirror shape": mirrors,
@@ -57,6 +59,8 @@ def planned_buffers(
         "shadow": wp.uint8,
         "rays": occlusion.pixel_bytes(occlusion.NORMAL_BYTES + count),
         "visible": occlusion.pixel_bytes(count),
+        "indirect rays": wp.vec4,
+        "indirect": wp.vec4,
         "reflections": wp.vec4,
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}

@@ -13,13 +13,13 @@ import warp as wp
 from warpcam.kernels.flags import TRAVERSED, ShadingFlag, geometry_of
 from warpcam.kernels.outputs import OUTPUTS, lit_outputs, traced_as
 from warpcam.kernels.plan import edges, film, history, launches, occlusion, paths, shading, shadow, splats, trace
-from warpcam.kernels.plan.buffers import LIT_PIXELS, REFLECTIONS, planned_buffers
+from warpcam.kernels.plan.buffers import INDIRECT, LIT_PIXELS, REFLECTIONS, planned_buffers
 from warpcam.kernels.plan.derived import DerivedKey, plan_derived
 from warpcam.kernels.plan.edges import EdgeKey
 from warpcam.kernels.plan.film import FilmKey
 from warpcam.kernels.plan.occlusion import OccluderKey, OcclusionFilterKey, OcclusionKey
 from warpcam.kernels.plan.passes import PASSES, pass_of
-from warpcam.kernels.plan.paths import PathKey, PathListKey, ReflectionKey
+from warpcam.kernels.plan.paths import IndirectFilterKey, IndirectKey, PathKey, PathListKey, ReflectionKey
 from warpcam.kernels.plan.planned_pass import Arrays, Passes, PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
 from warpcam.kernels.plan.shading import ShadingKey
@@ -32,7 +32,8 @@ from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
     ListKey | InViewKey | TraceKey | ShadowKey | MirrorKey | ShadingKey | EdgeKey | SplatKey | DerivedKey
-    | PathListKey | PathKey | ReflectionKey | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
+    | PathListKey | PathKey | ReflectionKey | IndirectKey | IndirectFilterKey
+    | OccluderKey | OcclusionKey | OcclusionFilterKey | FilmKey
 )  # fmt: skip
 
 Result = TypeVar("Result")
@@ -93,8 +94,9 @@ class FramePlan:
 
     @property
     def reflects(self) -> bool:
-        """Rays find what surfaces mirror."""
-        return any(name == REFLECTIONS for name, _ in self.buffers) or (self.fine is not None and self.fine.reflects)
+        """Rays find what surfaces mirror, or the light that comes from shapes."""
+        own = any(name in (REFLECTIONS, INDIRECT) for name, _ in self.buffers)
+        return own or (self.fine is not None and self.fine.reflects)
 
     @property
     def keys(self) -> tuple[KernelKey, ...]:
@@ -248,6 +250,9 @@ class _Planner:
         if lit and f"{BUFFER}visible" in self.buffers:
             first += self._occlusion(seen)
             visible = (("visible", f"{BUFFER}visible"),)
+        indirect = (("indirect", INDIRECT),) if lit and INDIRECT in self.buffers else ()
+        if indirect:
+            first += self._indirect(seen)
         last: list[PlannedPass[Any]] = []
         reflecting = self.mirrors and bool(lit)
         colors = tuple((name, lit_into.get(name, name)) for name in lit)
@@ -259,10 +264,10 @@ class _Planner:
             shares = occlusion.shares_of(tables, request) if visible else ShadingFlag(0)
             mixed = ((("reflections", REFLECTIONS),) if REFLECTIONS in self.buffers else ()) if lit else ()
             if mixed:
-                last += self._reflections((*seen, *mixed))
-            more = {"write_back": write_back, "reflections": bool(mixed)}
+                last += self._reflections((*seen, *mixed), listed=bool(indirect))
+            more = {"write_back": write_back, "reflections": bool(mixed), "indirect": bool(indirect)}
             launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, **more)
-            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *mixed, *shaded)))
+            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *indirect, *mixed, *shaded)))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -301,13 +306,25 @@ class _Planner:
         )
         return self._pass("trace", launch, arrays)
 
-    def _reflections(self, arrays: Arrays) -> list[PlannedPass[Any]]:
-        """Passes that find what smooth surfaces mirror and what is seen through clear ones."""
-        tables, request, device = self.tables, self.request, self.device
-        key = paths.plan_reflections(tables, request, device)
+    def _path_shapes(self) -> PlannedPass[Any]:
+        key = paths.plan_list(self.tables, self.request, self.device)
+        return PlannedPass("path shapes", key, paths.LIST_THREADS)
+
+    def _reflections(self, arrays: Arrays, listed: bool) -> list[PlannedPass[Any]]:
+        """Passes that find what smooth surfaces mirror and what is seen through clear ones; ``listed``: shapes are."""
+        request = self.request
+        key = paths.plan_reflections(self.tables, request, self.device)
+        traced = PlannedPass("reflections", key, request.width * request.height, arrays)
+        return [traced] if listed else [self._path_shapes(), traced]
+
+    def _indirect(self, seen: Arrays) -> list[PlannedPass[Any]]:
+        """Passes that find the light that comes from shapes to the surface of each pixel."""
+        rays, mean = paths.plan_indirect(self.tables, self.request, self.device)
+        pixels, arrays = self.request.width * self.request.height, (*seen, ("indirect_rays", f"{BUFFER}indirect rays"))
         return [
-            PlannedPass("path shapes", paths.plan_list(tables, request, device), paths.LIST_THREADS),
-            PlannedPass("reflections", key, request.width * request.height, arrays),
+            self._path_shapes(),
+            PlannedPass("indirect rays", rays, pixels, arrays),
+            PlannedPass("indirect filter", mean, pixels, (*arrays, ("indirect", INDIRECT))),
         ]
 
     def _occlusion(self, seen: Arrays) -> list[PlannedPass[Any]]:

@@ -41,6 +41,31 @@ class PathKey:
 
 
 @dataclass(frozen=True)
+class IndirectKey:
+    """The kernel of the rays that find light from shapes: native/occlusion/indirect_rays.h."""
+
+    types: SceneTypes
+    lens: Lens
+    flags: ShadingFlag
+
+    @property
+    def blocks(self) -> int:
+        """Likewise, as a path's."""
+        return 2
+
+
+@dataclass(frozen=True)
+class IndirectFilterKey:
+    """The kernel of their filter: native/occlusion/indirect_filter.h."""
+
+    lens: Lens
+
+    @property
+    def blocks(self) -> int:
+        return 8
+
+
+@dataclass(frozen=True)
 class ReflectionKey:
     """The kernel that has a thread for each pixel: native/path/reflections.h."""
 
@@ -65,9 +90,22 @@ def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) ->
 
 
 def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device) -> ReflectionKey:
-    """The kernel that traces the reflections of a request; what is mirrored has shadows where pixels have them."""
-    flags = _flags(tables) | flag_if(ShadingFlag.HAS_SHADOWS, request.shadows and tables.num_lights > 0)
+    """The kernel that traces the reflections of a request."""
+    flags = _flags(tables) | _shadows(tables, request)
     return ReflectionKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
+
+
+def plan_indirect(
+    tables: SceneTables, request: ImageRequest, device: wp.Device
+) -> tuple[IndirectKey, IndirectFilterKey]:
+    """The kernels that find light from shapes: of the rays, and of their filter."""
+    types, lens = launches.scene_types(tables, device, appearance=True), LENSES[request.lens]
+    return IndirectKey(types, lens, _flags(tables) | _shadows(tables, request)), IndirectFilterKey(lens)
+
+
+def _shadows(tables: SceneTables, request: ImageRequest) -> ShadingFlag:
+    """What rays meet has shadows where pixels have them."""
+    return flag_if(ShadingFlag.HAS_SHADOWS, request.shadows and tables.num_lights > 0)
 
 
 def _flags(tables: SceneTables) -> ShadingFlag:

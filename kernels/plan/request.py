@@ -31,6 +31,7 @@ class ImageRequest:
         bloom: Light is scattered over the image.
         reflections: Rays find what smooth surfaces mirror, and what is seen through clear ones.
         ambient_occlusion: Shapes hide light from all around.
+        indirect_light: Rays find light that comes from shapes, and what of that from all around they hide.
         soft_shadows: Shadows are those of lights as large as they are.
     """
 
@@ -46,6 +47,7 @@ class ImageRequest:
     bloom: bool = False
     reflections: bool = False
     ambient_occlusion: bool = False
+    indirect_light: bool = False
     soft_shadows: bool = False
 
     @property

@@ -92,6 +92,7 @@ def plan_shading(
     mirrored: bool = False,
     write_back: bool = False,
     reflections: bool = False,
+    indirect: bool = False,
 ) -> PlannedLaunch[ShadingKey]:
     """The kernel that writes ``outputs``.
 
@@ -107,6 +108,7 @@ def plan_shading(
         mirrored: The view is the one from behind the mirrors.
         write_back: Transparent shapes that cover most of a pixel replace what was found there.
         reflections: There is an image of what surfaces mirror.
+        indirect: There is an image of light that comes from shapes.
     """
     width, height = request.width, request.height
     layers, layered = tables.layers, ShadingFlag(0)
@@ -118,6 +120,7 @@ def plan_shading(
             transparent = launches.rounded_capacity(layers.transparent_shapes.size, 8, device)
         layered |= flag_if(ShadingFlag.HAS_HAZE, layers.haze is not None and tables.has_skybox and not mirrored)
     layered |= flag_if(ShadingFlag.HAS_REFLECTIONS, reflections)
+    shares |= flag_if(ShadingFlag.INDIRECT_LIGHT, indirect)
     overrides = override_flags(tables.world_overrides, tables.headlights)
     region = region_size(tables, group.concurrent_worlds, width, height, device, quick=True, fitted=True)
     flags = appearance_flags(tables, shadows) | shares | layered | overrides | tone_flag(request, outputs)

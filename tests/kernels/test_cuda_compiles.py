@@ -262,6 +262,15 @@ def test_of_occlusion(occlusion: Any, card: list[launch.Stage], folder: Path) ->
     assert _compile([stage for stage in card if re.search("occlu|write_images", stage.module.name)], folder) == 4
 
 
+def test_of_indirect_light(card: list[launch.Stage], folder: Path) -> None:
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'
+    mjm = scenes.compile_xml(FEW + more + '<geom size=".2" rgba="1 1 1 .5"/>' + LIGHTS, assets=ASSETS + HILLS)
+    asked = {"indirect_light": True, "soft_shadows": True}
+    _render(mjm, ("rgb", "depth"), look="pbr", occlusion=asked, lens=wc.Fisheye(fovy=100.0))
+    names = ("trace_indirect", "filter_indirect", "write_images")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 3
+
+
 @pytest.mark.parametrize("antialiasing", [1, 4])
 def test_of_rays_that_begin_apart(antialiasing: int, card: list[launch.Stage], folder: Path) -> None:
     more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom type="hfield" hfield="hills"/>'

@@ -35,6 +35,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "hidden": HIDDEN,
     "reflections": {"reflections": True},
     "both": {**HIDDEN, "reflections": True},
+    "indirect": {"soft_shadows": True, "indirect_light": True, "reflections": True},
 }
 
 

@@ -362,7 +362,12 @@ def test_the_command_serves_a_file_until_interrupted(
 
     def update(self: Viewer, moved: bool) -> int:
         assert self._look.value == "pbr"
-        assert self._rays == {"ambient_occlusion": 0.5, "soft_shadows": True, "reflections": True}
+        assert self._rays == {
+            "ambient_occlusion": 0.5,
+            "soft_shadows": True,
+            "indirect_light": False,
+            "reflections": True,
+        }
         seen.append(moved)
         if len(seen) == 4:
             raise KeyboardInterrupt

@@ -63,8 +63,9 @@ def test_pictures_of_the_real_time_look_alone_have_rays(scene: wc.Scene) -> None
 
 
 @pytest.mark.parametrize("look", [None, "path"])
-@pytest.mark.parametrize("name", RAYS)
+@pytest.mark.parametrize("name", [*RAYS, "indirect_light"])
 def test_rays_are_refused_where_the_page_begins_with_another_look(name: str, look: Any, scene: wc.Scene) -> None:
-    told = f"Viewer: {name} is {RAYS[name]}, which is of look='pbr', and the look is {(look or 'mujoco')!r}"
+    value = RAYS.get(name, True)
+    told = f"Viewer: {name} is {value}, which is of look='pbr', and the look is {(look or 'mujoco')!r}"
     with pytest.raises(wc.WarpcamError, match=told):
-        Viewer(scene, look=look, **{name: RAYS[name]})
+        Viewer(scene, look=look, **{name: value})

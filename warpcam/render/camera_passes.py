@@ -78,7 +78,8 @@ def request_of(
         metered=camera.auto_exposure is not None,
         bloom=camera.bloom is not None,
         reflections=reflections,
-        ambient_occlusion=occlusion.radius is not None,
+        ambient_occlusion=occlusion.radius is not None and not occlusion.indirect,
+        indirect_light=occlusion.indirect,
         soft_shadows=occlusion.soft,
     )
 

@@ -171,9 +171,11 @@ class Look:
             if (value := getattr(camera, name)) != allowed:
                 raise WarpcamError(f"{camera.where}: {name} is {value!r}, and {why} {allowed!r} alone{more}")
 
-    def occlusion(self, ambient_occlusion: Any, soft_shadows: Any, cameras: Iterable[Camera]) -> Occlusion:
+    def occlusion(
+        self, ambient_occlusion: Any, soft_shadows: Any, indirect_light: Any, cameras: Iterable[Camera]
+    ) -> Occlusion:
         """What hides light, as it came to a renderer, or the error that says what is wrong with it."""
-        return Occlusion.of(ambient_occlusion, soft_shadows, self.name, self._has_splats, cameras)
+        return Occlusion.of(ambient_occlusion, soft_shadows, indirect_light, self.name, self._has_splats, cameras)
 
     def check_more(self, samples: Any, has_drawn: bool) -> int:
         """The number of paths that are to be added, or the error that there is nothing to add to."""

@@ -64,6 +64,7 @@ def estimate_memory(
     look: LookName | None = None,
     ambient_occlusion: float | None = None,
     soft_shadows: bool = False,
+    indirect_light: bool = False,
     reflections: bool = False,
 ) -> Memory:
     """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
@@ -78,6 +79,7 @@ def estimate_memory(
         look: As the renderer takes it.
         ambient_occlusion: Likewise.
         soft_shadows: Likewise.
+        indirect_light: Likewise.
         reflections: Likewise.
 
     Raises:
@@ -87,7 +89,7 @@ def estimate_memory(
     by_key = check_cameras(scene, cameras)
     own = Look(look, None, scene, reflections=reflections)
     own.check_display(by_key.values())
-    occlusion = own.occlusion(ambient_occlusion, soft_shadows, by_key.values())
+    occlusion = own.occlusion(ambient_occlusion, soft_shadows, indirect_light, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds, own.reflections)

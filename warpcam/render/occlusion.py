@@ -22,28 +22,43 @@ class Occlusion:
     Attributes:
         radius: Within which shapes hide light from all around [m]; None: no shape does.
         soft: Lights of a size cast soft shadows.
+        indirect: Light comes from shapes, once; they hide light from all around at any distance then.
     """
 
     radius: float | None = None
     soft: bool = False
+    indirect: bool = False
 
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of a renderer that ask for these."""
-        return {"ambient_occlusion": self.radius, "soft_shadows": self.soft}
+        return {"ambient_occlusion": self.radius, "soft_shadows": self.soft, "indirect_light": self.indirect}
 
     @classmethod
     def of(
-        cls, ambient_occlusion: Any, soft_shadows: Any, look: str, has_splats: bool, cameras: Iterable[Camera]
+        cls,
+        ambient_occlusion: Any,
+        soft_shadows: Any,
+        indirect_light: Any,
+        look: str,
+        has_splats: bool,
+        cameras: Iterable[Camera],
     ) -> "Occlusion":
         """What came to a renderer, or the error that says what is wrong with it."""
-        if not isinstance(soft_shadows, bool | np.bool_):
-            raise WarpcamError(f"Renderer: soft_shadows must be True or False, got {soft_shadows!r}")
+        for name, value in (("soft_shadows", soft_shadows), ("indirect_light", indirect_light)):
+            if not isinstance(value, bool | np.bool_):
+                raise WarpcamError(f"Renderer: {name} must be True or False, got {value!r}")
         if ambient_occlusion is not None and not _is_radius(ambient_occlusion):
             raise WarpcamError(
                 f"Renderer: ambient_occlusion must be a radius above 0 in metres or None, got {ambient_occlusion!r}"
             )
+        if indirect_light and ambient_occlusion is not None and ambient_occlusion != math.inf:
+            raise WarpcamError(
+                f"Renderer: ambient_occlusion is {ambient_occlusion!r} and indirect_light is True, whose light comes "
+                "from shapes at any distance, and they hide light from all around; allowed are None and math.inf"
+            )
         asked = {"ambient_occlusion": ambient_occlusion is not None, "soft_shadows": bool(soft_shadows)}
+        asked["indirect_light"] = bool(indirect_light)
         for name in (name for name, came in asked.items() if came):
             if look != "pbr":
                 raise WarpcamError(f"Renderer: {name} is of look='pbr', and the look is {look!r}")
@@ -51,7 +66,8 @@ class Occlusion:
                 raise WarpcamError(f"Renderer: {name} is of scenes of shapes, and this one has clouds of Gaussians")
         if soft_shadows and not any(camera.shadows for camera in cameras):
             raise WarpcamError("Renderer: soft_shadows are those of cameras with shadows=True, and none has it")
-        return cls(None if ambient_occlusion is None else float(ambient_occlusion), bool(soft_shadows))
+        radius = None if ambient_occlusion is None else float(ambient_occlusion)
+        return cls(radius, bool(soft_shadows), bool(indirect_light))
 
 
 NO_OCCLUSION = Occlusion()

@@ -57,6 +57,7 @@ class Renderer(RenderedTensors):
         environments: Light from all around, from images in float; not with look="mujoco".
         ambient_occlusion: Radius, above 0, within which shapes hide light from all around [m]; only with look="pbr".
         soft_shadows: Cameras with shadows show those of lights as large as they are; only with look="pbr".
+        indirect_light: Surfaces are lit by what they see of others, by one bounce of light; only with look="pbr".
         reflections: Rays find what smooth surfaces mirror and clear ones let through; only with look="pbr".
 
     Attributes:
@@ -87,6 +88,7 @@ class Renderer(RenderedTensors):
         environments: Environments | None = None,
         ambient_occlusion: float | None = None,
         soft_shadows: bool = False,
+        indirect_light: bool = False,
         reflections: bool = False,
     ):
         self._cameras = check_cameras(scene, cameras)
@@ -96,7 +98,7 @@ class Renderer(RenderedTensors):
         torch_interop.require_no_capture(scene.device, "Renderer")
         self._scene, self._device = scene, scene.device
         self._look = Look(look, path, scene, environments, reflections)
-        occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, self._cameras.values())
+        occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, indirect_light, self._cameras.values())
         self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections, **occlusion.arguments)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
@@ -222,10 +224,7 @@ class Renderer(RenderedTensors):
         return self._passes[self._key(camera)].views
 
     def camera(self, camera: str | int) -> CameraArrays:
-        """Return the arrays of that camera that may be written in place: tensors on the scene's device.
-
-        They take effect at the next render.
-        """
+        """Arrays of a camera that may be written in place, seen at the next render: tensors on the scene's device."""
         return self._arrays[self._key(camera)]
 
     def set_lens(self, camera: str | int, lens: Lens) -> None:

@@ -61,6 +61,7 @@ def add_look(command: argparse.ArgumentParser) -> None:
         help="with --look pbr: shapes hide light from all around within this radius in metres, which may be inf",
     )
     command.add_argument("--soft-shadows", action="store_true", help="with --look pbr: shadows of lights of a size")
+    command.add_argument("--indirect-light", action="store_true", help="with --look pbr: one bounce of light")
     command.add_argument(
         "--reflections",
         action="store_true",
@@ -82,7 +83,9 @@ def environments_of(options: argparse.Namespace, scene: Scene) -> Environments |
 
 def rays_of(options: argparse.Namespace) -> dict[str, Any]:
     """The arguments of ``Renderer`` and ``Viewer`` for rays of the look "pbr"."""
-    return {name: getattr(options, name) for name in ("ambient_occlusion", "soft_shadows", "reflections")}
+    return {
+        name: getattr(options, name) for name in ("ambient_occlusion", "soft_shadows", "indirect_light", "reflections")
+    }
 
 
 def splats_of(options: argparse.Namespace) -> list[Splats]:

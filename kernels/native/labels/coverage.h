@@ -56,7 +56,7 @@ WARPCAM_DEVICE void extend(int* extent, int left, int top, int right, int bottom
 template <class Types, int LENS> struct CoverTarget {
     static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, TILE_COLUMNS_PER_WARP = 1, part = 0, parts = 1;
     static constexpr bool WHOLE = false, STORES_MUCH = true, APART = false, BARE_FLOORS = false, PUTS_BARE = false,
-                          FROM_VIEW = false;
+                          FROM_VIEW = false, PROJECTS = false;
 
     const Camera& camera;
     Region region;  // tiles that are traced

@@ -44,6 +44,15 @@ struct OcclusionPoint {
     Vec3 facing, normal;  // unit, towards the camera's side: of the geometry, and smooth
 };
 
+// A ray of the pattern around the surface, cosine-weighted.
+WARPCAM_DEVICE Vec3 ray_around(const OcclusionPoint& from, const RayPattern& pattern, int ray)
+{
+    const Float2 at = pattern.point(ray);
+    const Vec3 direction = FrameAxes(from.normal).world(cosine_direction(at.x, at.y));
+    const float side = dot(direction, from.facing);
+    return side < 0.0f ? direction - 2.0f * side * from.facing : direction;
+}
+
 template <class Types, class Frame, class Meshes, class HeightFields> struct OcclusionRays {
     const Frame& frame;
     const Meshes& meshes;
@@ -65,17 +74,10 @@ template <class Types, class Frame, class Meshes, class HeightFields> struct Occ
     // Of light from all around, what nothing within the radius hides.
     WARPCAM_DEVICE float ambient() const
     {
-        const FrameAxes axes(from.normal);
         int open = 0;
 #pragma unroll 1
-        for (int ray = 0; ray < OCCLUSION_RAYS; ++ray) {
-            const Float2 at = pattern.point(ray);
-            Vec3 direction = axes.world(cosine_direction(at.x, at.y));
-            const float side = dot(direction, from.facing);
-            if (side < 0.0f)
-                direction = direction - 2.0f * side * from.facing;
-            open += is_open(direction, min(frame.radius, MAX_RAY_T));
-        }
+        for (int ray = 0; ray < OCCLUSION_RAYS; ++ray)
+            open += is_open(ray_around(from, pattern, ray), min(frame.radius, MAX_RAY_T));
         return float(open) * (1.0f / OCCLUSION_RAYS);
     }
 

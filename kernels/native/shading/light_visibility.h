@@ -5,9 +5,11 @@
 
 namespace warpcam {
 
-// Values of flags.py. SOFT_SHADOWS: there is a share for each light; AMBIENT_OCCLUSION: one for light from all around.
-enum VisibilityFlag { SOFT_SHADOWS = 1 << 18, AMBIENT_OCCLUSION = 1 << 19 };
-constexpr int SHARE_FLAGS = SOFT_SHADOWS | AMBIENT_OCCLUSION, VISIBILITY_FLAGS = HAS_SHADOWS | SHARE_FLAGS;
+// Values of flags.py. SOFT_SHADOWS: there is a share for each light; AMBIENT_OCCLUSION: one for light from all around;
+// INDIRECT_LIGHT: light from shapes, and the share of light from beyond them.
+enum VisibilityFlag { INDIRECT_LIGHT = 1 << 16, SOFT_SHADOWS = 1 << 18, AMBIENT_OCCLUSION = 1 << 19 };
+constexpr int SHARE_FLAGS = SOFT_SHADOWS | AMBIENT_OCCLUSION;
+constexpr int VISIBILITY_FLAGS = HAS_SHADOWS | SHARE_FLAGS | INDIRECT_LIGHT;
 
 // Shares of pixels as occlusion/occlusion_filter.h writes them, of 255: of light from all around if it has one, then of
 // each light that is kept.
@@ -25,6 +27,25 @@ template <class Vector> struct PixelShares {
                 share[k] = float(bytes[k][channel]);
         return (1.0f / 255.0f) * share;
     }
+};
+
+// Light from shapes that arrives at pixels, as occlusion/indirect_filter.h writes it.
+template <class Vector> struct PixelLight {
+    static constexpr int PIXELS = sizeof(NumberOf<Vector>) / sizeof(float);
+    const float* rows[PIXELS];
+
+    WARPCAM_DEVICE NumberOf<Vector> at(int channel) const
+    {
+        NumberOf<Vector> value;
+        if constexpr (PIXELS == 1)
+            value = rows[0][channel];
+        else
+            for (int k = 0; k < PIXELS; ++k)
+                value[k] = rows[k][channel];
+        return value;
+    }
+    WARPCAM_DEVICE Vector mean() const { return { at(0), at(1), at(2) }; }  // of the hemisphere, by cosine
+    WARPCAM_DEVICE NumberOf<Vector> open() const { return at(3); }  // share of it where no shape is
 };
 
 // What of a light's reaches a place.
@@ -50,6 +71,7 @@ template <class Vector> struct ReachedShare {
 template <int FLAGS, class Vector> struct Visibility {
     optional_t<(FLAGS & HAS_SHADOWS) != 0, IntOf<Vector>> shadow;
     optional_t<(FLAGS & SHARE_FLAGS) != 0, PixelShares<Vector>> shares;
+    optional_t<(FLAGS & INDIRECT_LIGHT) != 0, PixelLight<Vector>> indirect;
 
     // `bit`: the light's own, of AreaLight; 0 for a light that nothing hides.
     WARPCAM_DEVICE auto reached(int bit) const
@@ -80,6 +102,8 @@ WARPCAM_DEVICE Visibility<FLAGS, Vec3> visibility_of(const Frame& frame, size_t 
         found.shadow = shadow;
     if constexpr ((FLAGS & SHARE_FLAGS) != 0)
         found.shares.bytes[0] = reinterpret_cast<const unsigned char*>(frame.visible.data + pixel);
+    if constexpr ((FLAGS & INDIRECT_LIGHT) != 0)
+        found.indirect.rows[0] = reinterpret_cast<const float*>(frame.indirect.data + pixel);
     return found;
 }
 

@@ -69,7 +69,17 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Ligh
     const Vector mirror = lobe_direction(up, reflected, inputs.bsdf.roughness);
     const Vector even = around + sky_on(list.sky, up);
     const Vector mirrored = around + mirrored_sky<FLAGS>(list.sky, scene, mirror, inputs.bsdf.roughness);
-    if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
+    if constexpr ((FLAGS & INDIRECT_LIGHT) != 0) {
+        const Number open = visibility.indirect.open(), rough = 1.0f - sharpness(inputs.bsdf.roughness);
+        Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
+        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)
+            opening = opening + (1.0f - rough) * (1.0f - opening);
+        const Vector bounced = visibility.indirect.mean();
+        return light
+               + inputs.open
+                     * environment_brdf(inputs.bsdf, eye_cosine, open * even + bounced,
+                                        opening * mirrored + rough * bounced);
+    } else if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
         const Number open = visibility.open();
         Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
         if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)  // rays find what hides the sky of mirrors

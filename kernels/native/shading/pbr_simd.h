@@ -93,6 +93,17 @@ inline void find_shares(const Frame& frame, size_t first, const short* pixels, i
     }
 }
 
+// Likewise, of light from shapes.
+template <int WIDTH, class Frame>
+inline void find_indirect(const Frame& frame, size_t first, const short* pixels, int count, PixelLight<Vec3x8>& light)
+{
+    for (int k = 0; k < SIMD_WIDTH; ++k) {
+        const int pixel = pixels[min(k, count - 1)];
+        const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
+        light.rows[k] = reinterpret_cast<const float*>(frame.indirect.data + at);
+    }
+}
+
 template <int FLAGS, class Hits> inline Visibility<FLAGS, Vec3x8> visibility8_of(const Hits& hits)
 {
     Visibility<FLAGS, Vec3x8> found;
@@ -100,6 +111,8 @@ template <int FLAGS, class Hits> inline Visibility<FLAGS, Vec3x8> visibility8_of
         found.shadow = hits.shadow;
     if constexpr ((FLAGS & SHARE_FLAGS) != 0)
         found.shares = hits.shares;
+    if constexpr ((FLAGS & INDIRECT_LIGHT) != 0)
+        found.indirect = hits.indirect;
     return found;
 }
 

@@ -12,7 +12,7 @@ constexpr float ON_MIRROR = 1.0e-3f;  // of a depth: a box shows other sides bes
 // Pixel (i, j) is column i of the mirrored view, counted from the other side in the images.
 template <class Types, int LENS, bool FACES, class Target> struct MirrorTarget {
     static constexpr int VECTOR_OUTPUTS = 0, TILES_PER_WARP = 1, part = 0, parts = 1;
-    static constexpr bool FROM_VIEW = false;
+    static constexpr bool FROM_VIEW = false, PROJECTS = false;
 
     const Target& target;
     const Camera& camera;

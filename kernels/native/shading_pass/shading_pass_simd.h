@@ -114,6 +114,7 @@ struct EightHits {
     Int8 shadow;
     int faces[SIMD_WIDTH];
     PixelShares<Vec3x8> shares;
+    PixelLight<Vec3x8> indirect;
 };
 
 // World-frame normals of surfaces that face the camera.
@@ -324,6 +325,8 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
     rows.find(pixels, count, hits.x, hits.y);
     if constexpr ((FLAGS & SHARE_FLAGS) != 0)
         find_shares<WIDTH>(frame, first, pixels, count, hits.shares);
+    if constexpr ((FLAGS & INDIRECT_LIGHT) != 0)
+        find_indirect<WIDTH>(frame, first, pixels, count, hits.indirect);
     if (in_one_row<WIDTH>(pixels, count)) {
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);

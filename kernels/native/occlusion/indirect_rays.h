@@ -1,0 +1,71 @@
+// One bounce of light: the rays around a pixel's surface find the nearest shapes, which are lit as those of mirrors are.
+#pragma once
+#include "occlusion/occlusion_rays.h"
+#include "path/lit_surface.h"
+
+namespace warpcam {
+
+// A pixel before its filter: the mean light of its rays, then its normal as put_normal() has it, in the low bytes of a
+// word, and above them how many rays meet nothing.
+constexpr int OPEN_RAYS_SHIFT = 8 * NORMAL_BYTES;
+
+template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<Types, FLAGS, Scene_> {
+    using World_ = LitWorld<Types, FLAGS, Scene_>;
+    using World_::scene, World_::hub, World_::world, World_::rows, World_::head, World_::trace, World_::light_of;
+
+    // The light that comes along a ray from the shape that it meets; `open` counts those that meet none.
+    WARPCAM_DEVICE Vec3 light_along(const PathRay& ray, const PathQuery& query, int& open) const
+    {
+        const PathHit hit = trace(ray, query);
+        if (hit.slot < 0) {
+            ++open;
+            return { 0.0f, 0.0f, 0.0f };
+        }
+        PathSurface surface;
+        find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, surface);
+        return light_of(pbr_inputs_of(surface.material), surface, hit.shape, -ray.direction);
+    }
+
+    // What arrives at a surface of that shape, as a pixel holds it.
+    WARPCAM_DEVICE Float3Int arriving(const OcclusionPoint& from, const RayPattern& pattern, int shape) const
+    {
+        const PathQuery query = query_from(scene.shapes, shape, -1, scene.frame.backs != 0);
+        Vec3 sum { 0.0f, 0.0f, 0.0f };
+        int open = 0;
+#pragma unroll 1
+        for (int ray = 0; ray < OCCLUSION_RAYS; ++ray)
+            sum = sum + light_along({ from.point, ray_around(from, pattern, ray) }, query, open);
+        return make_float3_int((1.0f / OCCLUSION_RAYS) * sum, open << OPEN_RAYS_SHIFT);
+    }
+};
+
+// Traces the rays of one pixel.
+template <class Types, int LENS, int FLAGS, class Scene_, class Views>
+WARPCAM_DEVICE void trace_indirect(const Scene_& scene, const Views& views, int index)
+{
+    const auto& frame = scene.frame;
+    const unsigned pixels = unsigned(frame.width * frame.height);
+    const int world = int(unsigned(index) / pixels), pixel = int(unsigned(index) - unsigned(world) * pixels);
+    const int shape = frame.shape.data[index];
+    if (!wp::index(frame.mask, world) || shape < 0)
+        return;
+    const int row = pixel / frame.width, column = pixel - row * frame.width;
+    const Camera camera = load_camera(wp::index(views, world)), hub = upright(camera);
+    const OcclusionPoint from = occlusion_point<Types, LENS>(frame, scene.shapes, scene.meshes, scene.fields, camera,
+                                                             world, index, view_ray<LENS>(camera, column, row));
+    const IndirectLight<Types, FLAGS, Scene_> tracer { {
+        scene,
+        camera,
+        hub,
+        world,
+        reinterpret_cast<const Float3Int*>(wp::address(frame.rows, world, 0)),
+        wp::address(frame.heads, world, 0),
+    } };
+    Float3Int found = tracer.arriving(from, RayPattern(column, row), shape);
+    unsigned char normal[NORMAL_BYTES];
+    put_normal(normal, transform_transposed(camera.rotation, from.normal));
+    found.w |= normal[0] | normal[1] << 8;
+    reinterpret_cast<Float3Int*>(frame.indirect_rays.data)[index] = found;
+}
+
+}  // namespace warpcam
