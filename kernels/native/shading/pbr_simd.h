@@ -82,25 +82,18 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
     set_reflection(inputs, mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
 }
 
-// Where the shares of eight pixels of a region are, of which `count` are given; further lanes repeat the last.
-template <int WIDTH, class Frame>
-inline void find_shares(const Frame& frame, size_t first, const short* pixels, int count, PixelShares<Vec3x8>& shares)
+// Where the shares of eight pixels of a region and their light from shapes are. `count` pixels are given; further lanes
+// repeat the last.
+template <int FLAGS, int WIDTH, class Frame, class Hits>
+inline void find_pixel_light(const Frame& frame, size_t first, const short* pixels, int count, Hits& hits)
 {
-    for (int k = 0; k < SIMD_WIDTH; ++k) {
+    for (int k = 0; (FLAGS & (SHARE_FLAGS | INDIRECT_LIGHT)) != 0 && k < SIMD_WIDTH; ++k) {
         const int pixel = pixels[min(k, count - 1)];
         const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-        shares.bytes[k] = reinterpret_cast<const unsigned char*>(frame.visible.data + at);
-    }
-}
-
-// Likewise, of light from shapes.
-template <int WIDTH, class Frame>
-inline void find_indirect(const Frame& frame, size_t first, const short* pixels, int count, PixelLight<Vec3x8>& light)
-{
-    for (int k = 0; k < SIMD_WIDTH; ++k) {
-        const int pixel = pixels[min(k, count - 1)];
-        const size_t at = first + size_t(pixel / WIDTH) * frame.width + pixel % WIDTH;
-        light.rows[k] = reinterpret_cast<const float*>(frame.indirect.data + at);
+        if constexpr ((FLAGS & SHARE_FLAGS) != 0)
+            hits.shares.bytes[k] = reinterpret_cast<const unsigned char*>(frame.visible.data + at);
+        if constexpr ((FLAGS & INDIRECT_LIGHT) != 0)
+            hits.indirect.rows[k] = reinterpret_cast<const float*>(frame.indirect.data + at);
     }
 }
 

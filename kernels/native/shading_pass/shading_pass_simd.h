@@ -323,10 +323,7 @@ inline void load_hits(const Frame& frame, size_t first, const Rows& rows, const 
 {
     constexpr bool FACES = Types::has_any(MESH, HEIGHT_FIELD), SHADOWS = FLAGS & HAS_SHADOWS;
     rows.find(pixels, count, hits.x, hits.y);
-    if constexpr ((FLAGS & SHARE_FLAGS) != 0)
-        find_shares<WIDTH>(frame, first, pixels, count, hits.shares);
-    if constexpr ((FLAGS & INDIRECT_LIGHT) != 0)
-        find_indirect<WIDTH>(frame, first, pixels, count, hits.indirect);
+    find_pixel_light<FLAGS, WIDTH>(frame, first, pixels, count, hits);
     if (in_one_row<WIDTH>(pixels, count)) {
         const size_t at = first + size_t(pixels[0] / WIDTH) * frame.width + pixels[0] % WIDTH;
         __builtin_memcpy(&hits.depth, frame.depth.data + at, sizeof hits.depth);
