@@ -226,6 +226,13 @@ def sample_of(form):
     )
 
 
+REACHED = (
+    "Visibility<FLAGS, {0}> reached {{}};"
+    "const auto hide = [](auto& found, auto shadow) {{ if constexpr (sizeof(found) > 1) found = shadow; }};"
+    "hide(reached.shadow, {1});"
+)
+
+
 def whole(form, flags, tolerance=5e-4):
     """All of a pixel's physically based light."""
     kind = "BOX"
@@ -233,10 +240,11 @@ def whole(form, flags, tolerance=5e-4):
     return Twin(
         lamplit,
         setup=head + POSE.replace("TYPE", kind) + LAMPS.replace("FORM", form) + MATERIAL,
-        one="const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, 0, vec(0), vec(24));"
+        one=REACHED.format("Vec3", "(int)in(30)")
+        + "const SurfaceInteraction surface = surface_at<KINDS>(pose, meshes, fields, 0, vec(0), vec(24));"
         "close(shade_physically<KINDS, PINHOLE, FLAGS>(look, list, scene, camera, 0.0f, 0.0f, surface, vec(0), vec(24),"
-        "1.0f, vec(27), Visibility<FLAGS, Vec3> { (int)in(30) }));",
-        eight="int faces[SIMD_WIDTH] {}; SurfaceInteraction8 surface;"
+        "1.0f, vec(27), reached));",
+        eight=REACHED.format("Vec3x8", "to_int(in(30))") + "int faces[SIMD_WIDTH] {}; SurfaceInteraction8 surface;"
         "surface.local = vec(0);"
         "find_surface<KINDS>(pose, meshes, fields, faces, vec(24), surface);"
         "const auto steps = [&](Vec3x8& right, Vec3x8& down) {"
@@ -244,7 +252,7 @@ def whole(form, flags, tolerance=5e-4):
         "    down = broadcast(pose.local(step_down<PINHOLE>(camera, 0.0f, 0.0f, 1.0f)));"
         "};"
         "Vec3x8 light; shade_eight_physically<KINDS, FLAGS>(look, list, scene, camera.rotation, steps, surface, vec(0),"
-        "-normalized(vec(0)), vec(24), vec(27), Visibility<FLAGS, Vec3x8> { to_int(in(30)) }, light); close(light);",
+        "-normalized(vec(0)), vec(24), vec(27), reached, light); close(light);",
         rtol=tolerance,
         atol=tolerance,
     )
