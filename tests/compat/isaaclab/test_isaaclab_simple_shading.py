@@ -132,7 +132,7 @@ def test_where_no_light_falls_there_is_still_some(device: wp.Device, monkeypatch
     model, behind = wall(device, CARTS[0][0]), stage_with(("DistantLight", 2000.0), orient=BEHIND)
     close(Eye(model, [CONSTANT], behind, monkeypatch).middle(CONSTANT), (55, 55, 55), 1)
     close(Eye(model, [DIFFUSE], behind, monkeypatch).middle(DIFFUSE), (149, 116, 53), 1)
-    close(Eye(model, [FULL], behind, monkeypatch).middle(FULL), (149, 116, 53), 6)
+    close(Eye(model, [FULL], behind, monkeypatch).middle(FULL), (149, 116, 53), 7)
 
 
 def test_without_a_distant_light_it_is_lit_from_the_camera(device: wp.Device, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +141,7 @@ def test_without_a_distant_light_it_is_lit_from_the_camera(device: wp.Device, mo
     close(Eye(model, [CONSTANT], stage, monkeypatch).middle(CONSTANT), (153, 153, 153), 1)
     for each in (stage, None):
         close(Eye(model, [DIFFUSE], each, monkeypatch).middle(DIFFUSE), (0, 232, 232), 1)
-    close(Eye(model, [FULL], stage, monkeypatch).middle(FULL), (119, 235, 235), 4)
+    close(Eye(model, [FULL], stage, monkeypatch).middle(FULL), (119, 235, 235), 5)
     eye = Eye(model, [CONSTANT], stage, monkeypatch)
     flat = eye.frame(CONSTANT)[0]
     assert len(np.unique(flat[flat > 0])) == 1  # it comes from as far as the sun
