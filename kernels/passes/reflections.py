@@ -1,71 +1,14 @@
 """Reflections of the real-time look: what smooth surfaces mirror, and what is seen through clear ones."""
 
-import functools
-from typing import Any
-
-import warp as wp
-
 from warpcam.kernels.passes.camera_frame import CameraFrame
-from warpcam.kernels.passes.paths import THREADS
-from warpcam.kernels.passes.trace_target import visible_fields
-from warpcam.kernels.passes.world_overrides import WorldOverrides
+from warpcam.kernels.passes.lit_rays import bind_lit_rays
 from warpcam.kernels.plan.passes import register
 from warpcam.kernels.plan.paths import ReflectionKey
 from warpcam.kernels.plan.planned_pass import PlannedPass
-from warpcam.kernels.runtime.compile import native_module
-from warpcam.kernels.runtime.kernels import make_kernel
 from warpcam.kernels.runtime.launch import Stage
-from warpcam.kernels.runtime.structs import make_struct
-from warpcam.kernels.types import Background, HeightFields, Materials, Meshes, Physical, Shapes, Textures, View
-
-
-@functools.cache
-def _frame_struct(shape_dtype: Any, face_dtype: Any) -> Any:
-    """Struct of what the trace has found in one camera's images, of the shapes that rays meet, and of the result."""
-    fields = {
-        "horizon": wp.float32,  # see SceneTables
-        "overrides": WorldOverrides,
-        "backs": wp.int32,  # 1: rays meet meshes from behind, too
-        "rows": wp.array2d(dtype=wp.vec4),  # (world, row) the shapes, as PathFrame has them
-        "heads": wp.array2d(dtype=wp.int32),
-        # (pixel,) light that is added to a pixel's, and in w what its own is multiplied by before
-        "reflections": wp.array(dtype=wp.vec4),
-    }
-    return make_struct("ReflectionFrame", fields | visible_fields(shape_dtype, face_dtype))
-
-
-@functools.cache
-def _kernel(key: ReflectionKey, frame_type: Any) -> wp.Kernel:
-    return make_kernel(
-        "trace_reflections",
-        f"warpcam::trace_reflections<{key.types.native}, {int(key.lens)}, {int(key.flags)}>("
-        "warpcam::PhysicalScene { warpcam::Scene { frame, frame, shapes, meshes, fields, materials, textures, "
-        "background }, physical }, views, index);",
-        {
-            "frame": frame_type,
-            "shapes": Shapes,
-            "meshes": Meshes,
-            "fields": HeightFields,
-            "materials": Materials,
-            "textures": Textures,
-            "physical": Physical,
-            "background": Background,
-            "views": wp.array(dtype=View),
-        },
-        native_module("path/reflections.h", THREADS),
-        (THREADS, key.blocks),
-    )
 
 
 @register("reflections", needs=("shape",))
 def bind(planned: PlannedPass[ReflectionKey], frame: CameraFrame) -> Stage:
-    """Bind the rays of one camera's pixels, after the list of shapes."""
-    tables, lists = frame.tables, frame.paths.frame
-    frame_type, seen = frame.visible(planned, _frame_struct)
-    seen.horizon, seen.backs, seen.rows, seen.heads = tables.horizon, int(tables.backs_shade), lists.rows, lists.heads
-    if tables.world_overrides is not None:
-        seen.overrides = tables.world_overrides
-    frame.fill(planned, seen, ("reflections",))
-    scene = (tables.shapes, tables.meshes, tables.height_fields, tables.materials, tables.textures)
-    arguments = [seen, *scene, tables.physical, tables.background, frame.views]
-    return frame.launch(planned, _kernel(planned.key, frame_type), arguments, THREADS)
+    """Bind the rays that write light to be added to a pixel's, and in w what its own is multiplied by before."""
+    return bind_lit_rays(planned, frame, "trace_reflections", "path/reflections.h", "reflections")
