@@ -8,7 +8,7 @@ renderer that does not start is in the results with the reason.
 import argparse
 import json
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,12 @@ from warpcam.benchmarks import image_metrics, look_renderers, machine, measure, 
 from warpcam.benchmarks.pbr_scenes import SCENES
 from warpcam.core.errors import WarpcamError
 
-PEERS = ("mujoco_warp_pbr", "mitsuba")
 # Kind of light -> renderers, ours first, and (worlds, pixels of a side) on a GPU.
 RENDERERS = {
     "pbr": ("warpcam pbr", "mujoco_warp_pbr realtime", "mujoco_warp_pbr optix"),
     "path": ("warpcam path", "mujoco_warp_pbr path", "mitsuba"),
 }
+PEERS = tuple(name for names in RENDERERS.values() for name in names[1:])
 SIZES = {"pbr": ((1024, 64), (4096, 64), (256, 256)), "path": ((64, 64), (4, 512))}
 CPU_SIZES = ((2, 64),)
 SAMPLES = 64
@@ -49,10 +49,9 @@ def measured(name: str, scene: problem.Problem, samples: int, frames: int | None
 
 def rows_of(
     case: str, kind: str, names: Sequence[str], worlds: int, size: int, options: argparse.Namespace
-) -> list[dict[str, Any]]:
-    """A row for each renderer of a problem; their ratios and differences are to warpcam's."""
+) -> Iterator[dict[str, Any]]:
+    """A row for each renderer of a problem, as soon as it is there; ratios and differences are to warpcam's."""
     scene = problem.build(SCENES[case], worlds, size, size)
-    rows: list[dict[str, Any]] = []
     ours: tuple[float, np.ndarray] | None = None
     for name in names:
         row = {"case": case, "kind": kind, "renderer": name, "worlds": worlds, "size": size, "faces": scene.faces()}
@@ -76,8 +75,7 @@ def rows_of(
                 place = options.pictures / f"{case}-{size}x{size}-{worlds}-{name.replace(' ', '_')}.png"
                 Image.fromarray(picture).save(place)
         print(line(row), flush=True)
-        rows.append(row)
-    return rows
+        yield row
 
 
 def line(row: dict[str, Any]) -> str:
@@ -104,7 +102,14 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--device", default="cuda:0" if wp.is_cuda_available() else "cpu")
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), metavar="NAME")
     parser.add_argument("--kind", nargs="+", choices=RENDERERS, default=list(RENDERERS), help="of light")
-    parser.add_argument("--peer", nargs="*", choices=PEERS, default=list(PEERS), help="beside which (default: all)")
+    parser.add_argument(
+        "--peer",
+        nargs="*",
+        choices=PEERS,
+        default=list(PEERS),
+        metavar="NAME",
+        help=f"{', '.join(PEERS)} (default: all)",
+    )
     parser.add_argument("--worlds", type=int, help="in place of the numbers of worlds; needs --size")
     parser.add_argument("--size", type=int, help="pixels of a side; needs --worlds")
     parser.add_argument("--samples", type=int, default=SAMPLES, help="paths of each pixel (default: %(default)s)")
@@ -129,16 +134,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     report: dict[str, Any] = {"about": __doc__, "machine": machine.describe(device), "results": []}
     with wp.ScopedDevice(device):
         for kind in options.kind:
-            names = [n for n in RENDERERS[kind] if n.split()[0] in ("warpcam", *options.peer)]
+            names = [n for n in RENDERERS[kind] if n not in PEERS or n in options.peer]
             sizes = (
                 ((options.worlds, options.size),) if options.worlds else SIZES[kind] if device.is_cuda else CPU_SIZES
             )
             for case in options.scene:
                 for worlds, size in sizes:
-                    report["results"] += rows_of(case, kind, names, worlds, size, options)
-                    report["warpcam_over_peers"] = means(report["results"])
-                    if options.out:
-                        options.out.write_text(json.dumps(report, indent=1) + "\n")
+                    for row in rows_of(case, kind, names, worlds, size, options):
+                        report["results"].append(row)
+                        report["warpcam_over_peers"] = means(report["results"])
+                        if options.out:
+                            options.out.write_text(json.dumps(report, indent=1) + "\n")
     for name, ratio in report["warpcam_over_peers"].items():
         print(f"warpcam over {name}: {ratio:.2f} (geometric mean)")
 

@@ -10,6 +10,7 @@ MuJoCo-Warp draws the same cloud in a scene of its own, in which each world has 
 import argparse
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -20,7 +21,7 @@ import warp as wp
 from newton.sensors import SensorCamera
 
 import warpcam as wc
-from warpcam.benchmarks import measure
+from warpcam.benchmarks import machine, measure
 
 FOVY, SETS = 60.0, 4
 BASE = 0.28209479177387814  # the spherical harmonic of degree 0
@@ -195,14 +196,20 @@ def main() -> None:
     parser.add_argument("--no-newton", action="store_true")
     parser.add_argument("--no-mujoco-warp", action="store_true")
     parser.add_argument("--scenes", nargs="+", choices=("newton", "mujoco"), default=["newton", "mujoco"])
+    parser.add_argument("--out", type=Path, metavar="FILE", help="JSON")
     arguments = parser.parse_args()
-    with measure.on_one_stream(wp.get_preferred_device()):
+    device = wp.get_preferred_device()
+    report: dict[str, Any] = {"about": __doc__, "machine": machine.describe(device), "results": []}
+    ways = {"newton": (measured, arguments.no_newton), "mujoco": (measured_mujoco, arguments.no_mujoco_warp)}
+    with measure.on_one_stream(device):
         for count in arguments.gaussians:
-            size = count, arguments.worlds, arguments.side
-            if "newton" in arguments.scenes:
-                print(json.dumps(measured(*size, not arguments.no_newton)), flush=True)
-            if "mujoco" in arguments.scenes:
-                print(json.dumps(measured_mujoco(*size, not arguments.no_mujoco_warp)), flush=True)
+            for name in arguments.scenes:
+                measure_one, alone = ways[name]
+                found = measure_one(count, arguments.worlds, arguments.side, not alone)
+                print(json.dumps(found), flush=True)
+                report["results"].append({"scene": name, **found})
+                if arguments.out:
+                    arguments.out.write_text(json.dumps(report, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import warpcam as wc
 from warpcam.benchmarks import look_speed, problem
 from warpcam.benchmarks.pbr_scenes import SCENES
 
+PBR = ["mujoco_warp_pbr realtime", "mujoco_warp_pbr optix"]
 QUICK = ["--device", "cpu", "--worlds", "1", "--size", "32", "--samples", "4", "--frames", "1", "--scene", "quadruped"]
 
 
@@ -43,7 +44,7 @@ def test_the_command_draws_and_writes_results(tmp_path: Path) -> None:
 def test_the_peer_draws_the_same(tmp_path: Path) -> None:
     pytest.importorskip("mujoco_warp_pbr", reason="needs mujoco-warp-pbr: pip install mujoco-warp-pbr, Python 3.12")
     out = tmp_path / "speed.json"
-    look_speed.main([*QUICK, "--kind", "pbr", "--peer", "mujoco_warp_pbr", "--out", str(out)])
+    look_speed.main([*QUICK, "--kind", "pbr", "--peer", *PBR, "--out", str(out)])
     ours, peer, optix = json.loads(out.read_text())["results"]
     assert "warpcam_over_this" not in ours and peer["warpcam_over_this"] > 0.0
     assert peer["mean_difference"] < 12.0
