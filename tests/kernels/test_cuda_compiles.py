@@ -27,6 +27,8 @@ from warpcam.kernels.update.refit_gaussians import GaussianArrays, bind_refit_ga
 from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
+# Bytes of a thread's stack. A function that is called, not inlined, and gets the scene has it copied there: 6,000 bytes.
+MOST_STACK = 2048
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
   <texture name="cube" type="cube" builtin="gradient" width="32" height="32" rgb1="1 0 0" rgb2="0 1 .5" mark="edge"/>
@@ -101,7 +103,8 @@ def _compile(stages: list[launch.Stage], folder: Path) -> int:
     modules = {stage.module.name: stage.module for stage in stages}
     for name, module in modules.items():
         (path,) = wp.compile_aot_module(module, arch=ARCH, module_dir=folder / name, use_ptx=True)
-        assert path.stat().st_size > 0
+        stacks = [int(size) for size in re.findall(r"__local_depot\d+\[(\d+)\]", path.read_text())]
+        assert max(stacks, default=0) < MOST_STACK, f"{name}: {stacks}"
     return len(modules)
 
 

@@ -70,19 +70,19 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     const Float3Int* rows;
     const int* head;
 
-    WARPCAM_DEVICE auto lights() const
+    WARPCAM_INLINED auto lights() const
     {
         return world_lights(scene.physical, camera, hub, head, world, headlight_of<FLAGS>(world));
     }
 
-    WARPCAM_DEVICE PathHit trace(const PathRay& ray, const PathQuery& query) const
+    WARPCAM_INLINED PathHit trace(const PathRay& ray, const PathQuery& query) const
     {
         return trace_path<Types>(rows, head[NUM_SHAPES], scene.meshes, scene.fields, ray, query);
     }
 
     // Bits of the lights that do not reach a surface, by one ray to each one's middle.
     template <class Lights>
-    WARPCAM_DEVICE int shadow_at(const Lights& list, const PathSurface& surface, int shape) const
+    WARPCAM_INLINED int shadow_at(const Lights& list, const PathSurface& surface, int shape) const
     {
         int shadow = 0;
         if constexpr ((FLAGS & HAS_SHADOWS) != 0) {
@@ -106,8 +106,8 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
         return shadow;
     }
 
-    WARPCAM_DEVICE Vec3 light_of(const PbrInputs<Vec3>& inputs, const PathSurface& surface, int shape,
-                                 Vec3 to_eye) const
+    WARPCAM_INLINED Vec3 light_of(const PbrInputs<Vec3>& inputs, const PathSurface& surface, int shape,
+                                  Vec3 to_eye) const
     {
         const auto list = lights();
         return physical_light<FLAGS>(inputs, list, scene, hub.rotation, surface.point, surface.normal, to_eye,
@@ -115,7 +115,7 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     }
 
     // Light from all around on a white matt surface.
-    WARPCAM_DEVICE Vec3 sky_on_surface(Vec3 normal) const
+    WARPCAM_INLINED Vec3 sky_on_surface(Vec3 normal) const
     {
         Sky sky;
         gather_sky(scene.physical, world, headlight_of<FLAGS>(world), sky);
@@ -123,7 +123,7 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     }
 
     // Light from beyond all shapes along a direction, as wide as a surface of that roughness mirrors it.
-    WARPCAM_DEVICE Vec3 sky_along_ray(Vec3 direction, float roughness) const
+    WARPCAM_INLINED Vec3 sky_along_ray(Vec3 direction, float roughness) const
     {
         Sky sky;
         gather_sky(scene.physical, world, headlight_of<FLAGS>(world), sky);
@@ -131,7 +131,7 @@ template <class Types, int FLAGS, class Scene_> struct LitWorld {
     }
 
     // The light that lights add to that from all around at a surface.
-    WARPCAM_DEVICE Vec3 ambient_at(const PathSurface& surface, int shape) const
+    WARPCAM_INLINED Vec3 ambient_at(const PathSurface& surface, int shape) const
     {
         const auto list = lights();
         Vec3 sum { 0.0f, 0.0f, 0.0f };

@@ -21,6 +21,17 @@ struct Scattering {
     float density;  // of the direction [1/sr]; 0: lights cannot be drawn there
 };
 
+// A ray to a light that was drawn.
+struct LightRay {
+    Vec3 light;  // that arrives if nothing is in the way
+    Vec3 direction;
+    float far;  // how far the light is
+    int emitter;  // the shape that shines, or -1
+    bool held_up;  // by what is in the way
+
+    WARPCAM_DEVICE bool shines() const { return light.x + light.y + light.z > 0.0f; }
+};
+
 // One path's scene and numbers, and the light at its surfaces that comes straight from lights.
 template <class Types, int FLAGS, class Scene_> struct PathLights {
     static constexpr bool IMAGE = FLAGS & HAS_SKYBOX, ENVIRONMENT = FLAGS & HAS_ENVIRONMENT;
@@ -35,7 +46,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
     WARPCAM_DEVICE bool headlit() const { return headlight_shines(scene.physical.plain); }
     WARPCAM_DEVICE int num_lamps() const { return head[NUM_LAMPS] + headlit(); }
     // The sky's image as a light that is drawn.
-    WARPCAM_DEVICE auto sky_cells() const
+    WARPCAM_INLINED auto sky_cells() const
     {
         if constexpr (ENVIRONMENT)
             return environment_cells(scene.physical.environments, world);
@@ -45,7 +56,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
     WARPCAM_DEVICE int num_lights() const { return num_lamps() + head[NUM_EMITTERS] + sky_cells().shines(); }
 
     // A light, the headlight after all others.
-    WARPCAM_DEVICE AreaLight lamp_at(int number) const
+    WARPCAM_INLINED AreaLight lamp_at(int number) const
     {
         if (number < head[NUM_LAMPS])
             return load_area_light<true>(scene.physical, hub, world, head[FIRST_LAMP + number], 0);
@@ -64,7 +75,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
         return mul(parts.matt, as_vec3(lamp.diffuse)) + mul(parts.gloss, as_vec3(lamp.specular));
     }
 
-    WARPCAM_DEVICE PathHit trace(const PathRay& ray, const PathQuery& query) const
+    WARPCAM_INLINED PathHit trace(const PathRay& ray, const PathQuery& query) const
     {
         return trace_path<Types>(rows, head[NUM_SHAPES], scene.meshes, scene.fields, ray, query);
     }
@@ -75,69 +86,65 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
         return type == MESH || type == HEIGHT_FIELD ? -1 : shape;
     }
 
-    // Light that nothing holds up; what is partly transparent does so by chance.
-    WARPCAM_DEVICE bool reaches(PathRay ray, PathQuery query)
-    {
-        query.any = !(FLAGS & HAS_TRANSPARENT);
-        while (true) {
-            const PathHit hit = trace(ray, query);
-            if (hit.slot < 0)
-                return true;
-            if constexpr (!(FLAGS & HAS_TRANSPARENT))
-                return false;
-            PathSurface met;
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, met);
-            if (random.next().x < met.alpha)
-                return false;
-            go_through(met, hit, ray, query);
-        }
-    }
-
     // Behind what it went through.
-    WARPCAM_DEVICE void go_through(const PathSurface& met, const PathHit& hit, PathRay& ray, PathQuery& query) const
+    WARPCAM_INLINED void go_through(const PathSurface& met, const PathHit& hit, PathRay& ray, PathQuery& query) const
     {
         ray.point = met.point + met.margin * ray.direction;
         query.far -= hit.t + met.margin;
         query.convex = convex_of(hit.shape);
     }
 
-    // Light of one lamp or shining shape at a surface, on average all that arrives from them.
-    WARPCAM_DEVICE Vec3 drawn_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, float share,
-                                    const PathQuery& from)
+    // One lamp, the sky's image or a shining shape, and what is on average all light from them if it arrives.
+    WARPCAM_INLINED LightRay drawn_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye,
+                                         float share)
     {
-        const Vec3 none { 0.0f, 0.0f, 0.0f };
         const int count = num_lights();
         if (count == 0)
-            return none;
+            return {};
         const Random4 drawn = random.next();
         const int number = min(int(drawn.x * float(count)), count - 1);
-        if (number >= num_lamps() + head[NUM_EMITTERS])
-            return sky_light(surface, reflector, to_eye, share, from, drawn);
-        if (number >= num_lamps())
-            return emitter_light(surface, reflector, to_eye, share, from,
-                                 head[FIRST_LAMP + head[NUM_LAMPS] + number - num_lamps()], drawn);
-        const AreaLight lamp = lamp_at(number);
-        const LampSample sample = draw_lamp(lamp, surface.point, drawn.y, drawn.z);
+        const bool sky_drawn = number >= num_lamps() + head[NUM_EMITTERS], lamp_drawn = number < num_lamps();
+        LightRay found { {}, {}, 0.0f, -1, true };
+        float density;
+        Vec3 matt, gloss;  // the light's colours
+        if (lamp_drawn) {
+            const AreaLight lamp = lamp_at(number);
+            const LampSample sample = draw_lamp(lamp, surface.point, drawn.y, drawn.z);
+            found.direction = sample.direction;
+            found.far = sample.distance;
+            found.held_up = lamp.diffuse.w & CASTS;
+            density = sample.density;
+            matt = sample.weight * as_vec3(lamp.diffuse);
+            gloss = sample.weight * as_vec3(lamp.specular);
+        } else if (sky_drawn) {
+            found.direction = sky_cells().draw(drawn.w, drawn.y, drawn.z);
+            found.far = MAX_RAY_T;
+            density = sky_cells().density(found.direction);
+            const float weight = density > 0.0f ? 1.0f / density : 0.0f;
+            matt = gloss = weight > 0.0f ? weight * sky(found.direction) : Vec3 { 0.0f, 0.0f, 0.0f };
+        } else {
+            found.emitter = head[FIRST_LAMP + head[NUM_LAMPS] + number - num_lamps()];
+            const LampSample sample =
+                draw_emitter<Types>(scene.frame, scene.meshes, load_shape(scene.shapes, world, found.emitter),
+                                    hub.origin, surface.point, drawn.w, drawn.y, drawn.z);
+            found.direction = sample.direction;
+            found.far = sample.distance;
+            density = sample.density;
+            matt = gloss = { sample.weight, sample.weight, sample.weight };  // times what it emits there
+        }
         const Vec3 facing = surface.front ? surface.outward : -surface.outward;
-        const float cosine = dot(surface.normal, sample.direction);
-        if (!(sample.weight > 0.0f && cosine > 0.0f && dot(facing, sample.direction) > 0.0f))
-            return none;
-        const ReflectedParts parts = reflector.value(surface.normal, to_eye, sample.direction);
-        const Vec3 light = cosine * sample.weight * float(count) * colored(lamp, parts);
-        if (!(light.x + light.y + light.z > 0.0f))
-            return none;
-        PathQuery query = from;
-        query.far = sample.distance;
-        const PathRay ray { surface.point + surface.margin * facing, sample.direction };
-        if ((lamp.diffuse.w & CASTS) && !reaches(ray, query))
-            return none;
-        const float other = reflector.density(surface.normal, to_eye, sample.direction, share);
-        const float own = sample.density / float(count);
-        return (sample.density > 0.0f ? power_heuristic(own, other) : 1.0f) * light;
+        const float cosine = dot(surface.normal, found.direction);
+        if (!(cosine > 0.0f && dot(facing, found.direction) > 0.0f))
+            return {};
+        const ReflectedParts parts = reflector.value(surface.normal, to_eye, found.direction);
+        const float other = reflector.density(surface.normal, to_eye, found.direction, share);
+        const float weight = density > 0.0f ? power_heuristic(density / float(count), other) : 1.0f;
+        found.light = weight * cosine * float(count) * (mul(parts.matt, matt) + mul(parts.gloss, gloss));
+        return found;
     }
 
     // Light from all around, with what lights give to it.
-    WARPCAM_DEVICE Vec3 sky(Vec3 direction) const
+    WARPCAM_INLINED Vec3 sky(Vec3 direction) const
     {
         Vec3 light;
         if constexpr (ENVIRONMENT)
@@ -151,73 +158,16 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
         return light;
     }
 
-    // Light of the sky's image.
-    WARPCAM_DEVICE Vec3 sky_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, float share,
-                                  PathQuery query, Random4 drawn)
-    {
-        const Vec3 none { 0.0f, 0.0f, 0.0f };
-        const Vec3 direction = sky_cells().draw(drawn.w, drawn.y, drawn.z);
-        const Vec3 facing = surface.front ? surface.outward : -surface.outward;
-        const float cosine = dot(surface.normal, direction);
-        const float own = sky_cells().density(direction) / float(num_lights());
-        if (!(own > 0.0f && cosine > 0.0f && dot(facing, direction) > 0.0f))
-            return none;
-        query.far = MAX_RAY_T;
-        if (!reaches({ surface.point + surface.margin * facing, direction }, query))
-            return none;
-        const ReflectedParts parts = reflector.value(surface.normal, to_eye, direction);
-        const float weight = power_heuristic(own, reflector.density(surface.normal, to_eye, direction, share));
-        return weight * cosine / own * mul(parts.matt + parts.gloss, sky(direction));
-    }
-
     // The part of the sky's light along a drawn direction that is not drawn as a light's.
-    WARPCAM_DEVICE float weight_of_sky(const Scattering& last, Vec3 direction) const
+    WARPCAM_INLINED float weight_of_sky(const Scattering& last, Vec3 direction) const
     {
         if (!(sky_cells().shines() && last.density > 0.0f))
             return 1.0f;
         return power_heuristic(last.density, sky_cells().density(direction) / float(num_lights()));
     }
 
-    // Light of a shape that shines.
-    WARPCAM_DEVICE Vec3 emitter_light(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, float share,
-                                      PathQuery query, int id, Random4 drawn)
-    {
-        const Vec3 none { 0.0f, 0.0f, 0.0f };
-        const float count = float(num_lights());
-        const Shape shape = load_shape(scene.shapes, world, id);
-        const LampSample sample =
-            draw_emitter<Types>(scene.frame, scene.meshes, shape, hub.origin, surface.point, drawn.w, drawn.y, drawn.z);
-        const Vec3 facing = surface.front ? surface.outward : -surface.outward;
-        const float cosine = dot(surface.normal, sample.direction);
-        if (!(sample.weight > 0.0f && cosine > 0.0f && dot(facing, sample.direction) > 0.0f))
-            return none;
-        PathRay ray { surface.point + surface.margin * facing, sample.direction };
-        query.far = sample.distance * (1.0f + SAME_PLACE) + surface.margin;
-        float left = sample.distance * (1.0f - SAME_PLACE) - surface.margin;
-        while (true) {
-            const PathHit hit = trace(ray, query);
-            if (hit.slot < 0)
-                return none;
-            const bool there = hit.shape == id && hit.t >= left;
-            if (!there && !(FLAGS & HAS_TRANSPARENT))
-                return none;
-            PathSurface met;
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, met);
-            if (there) {
-                const ReflectedParts parts = reflector.value(surface.normal, to_eye, sample.direction);
-                const float other = reflector.density(surface.normal, to_eye, sample.direction, share);
-                const float weight = met.alpha * power_heuristic(sample.density / count, other);
-                return weight * cosine * sample.weight * count * mul(parts.matt + parts.gloss, met.material.emission);
-            }
-            if (random.next().x < met.alpha)
-                return none;
-            left -= hit.t + met.margin;
-            go_through(met, hit, ray, query);
-        }
-    }
-
     // The part of a met surface's own light that is not drawn as a light's.
-    WARPCAM_DEVICE float weight_of_met(const Scattering& last, const PathSurface& met, const PathHit& hit) const
+    WARPCAM_INLINED float weight_of_met(const Scattering& last, const PathSurface& met, const PathHit& hit) const
     {
         if (!(last.density > 0.0f)
             || !is_emitter<Types>(scene.frame, scene.shapes, scene.materials, scene.physical, world, hit.shape))
@@ -229,7 +179,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
     }
 
     // Light of the lamps that a drawn ray meets before `far` from where it was drawn.
-    WARPCAM_DEVICE Vec3 met_lamps(const Scattering& last, Vec3 direction, float far) const
+    WARPCAM_INLINED Vec3 met_lamps(const Scattering& last, Vec3 direction, float far) const
     {
         Vec3 sum { 0.0f, 0.0f, 0.0f };
         const int count = head[NUM_LAMPS];

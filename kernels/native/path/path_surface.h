@@ -58,8 +58,9 @@ WARPCAM_DEVICE float path_opacity(const Appearances& look, const Scene_& scene, 
 
 // `hub`: upright() of the view's camera; `inside`: the ray ran in the shape.
 template <class Types, int FLAGS, class Scene_>
-WARPCAM_NOINLINE void find_path_surface(const Scene_& scene, const Camera& hub, int world, const PathRay& ray,
-                                        const PathHit& hit, const Float3Int* rows, bool inside, PathSurface& found)
+WARPCAM_NOINLINE_CPU WARPCAM_INLINED void find_path_surface(const Scene_& scene, const Camera& hub, int world,
+                                                            const PathRay& ray, const PathHit& hit,
+                                                            const Float3Int* rows, bool inside, PathSurface& found)
 {
     const auto look = load_appearance_for<Types, PathNeeds<FLAGS>>(scene, hub, world, hit.shape);
     const ShapeFromCamera& pose = look.pose;

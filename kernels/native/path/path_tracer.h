@@ -29,8 +29,8 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
     }
 
     // Goes on at the border of a clear material; false where no light comes from there.
-    WARPCAM_DEVICE bool cross_at(const PathSurface& surface, const PathHit& hit, bool inside, Random4 drawn,
-                                 Vec3& throughput, PathRay& ray, PathQuery& query) const
+    WARPCAM_INLINED bool cross_at(const PathSurface& surface, const PathHit& hit, bool inside, Random4 drawn,
+                                  Vec3& throughput, PathRay& ray, PathQuery& query) const
     {
         const Vec3 facing = surface.front ? surface.outward : -surface.outward;
         const bool thin = wp::index(scene.shapes.types, hit.shape) == PLANE;
@@ -53,98 +53,170 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         return true;
     }
 
-    // Radiance of one path, and whether it saw a surface.
-    template <int LENS> WARPCAM_DEVICE Vec3 radiance(int i, int j, bool& covered)
+    // A path on its way.
+    struct Path {
+        PathRay ray;
+        PathQuery query;
+        float x, y;  // of the view's ray: CameraPath
+        bool blind;
+        bool covered;  // it saw a surface
+        Vec3 sum, throughput;
+        Scattering last;
+        float travelled;
+        int bounce;
+        // A ray to a light, from where the path then goes on.
+        bool to_light;
+        bool ends;  // it does not go on
+        int emitter;  // LightRay
+        float left;  // [m] to the shape that shines
+        Vec3 arriving;  // its light
+        Vec3 start, next;  // whence and in which direction the path goes on
+        int leaves;  // PathQuery::convex there
+    };
+
+    template <int LENS> WARPCAM_INLINED void begin(int i, int j, Path& path)
     {
         const Random4 place = random.next();
         const CameraPath from = camera_path<LENS>(camera, i, j, place.x, place.y);
-        Vec3 sum { 0.0f, 0.0f, 0.0f }, throughput { 1.0f, 1.0f, 1.0f };
-        PathRay ray = from.ray;
-        PathQuery query { from.far, false, false, true, -1, -1 };
-        Scattering last {};
-        float travelled = 0.0f;
-        covered = false;
-        for (int bounce = 0;;) {
-            PathHit hit { query.far, -1, -1, -1 };
-            if (!(head[FAULTY] || from.blind))
-                hit = trace(ray, query);
-            if (bounce > 0)
-                sum = sum + met_lamps(last, ray.direction, hit.slot < 0 ? MAX_RAY_T : travelled + hit.t);
-            if (hit.slot < 0) {
-                const Vec3 light = bounce == 0 ? background<LENS>(i, j, from)
-                                               : weight_of_sky(last, ray.direction) * sky(ray.direction);
-                return sum + mul(throughput, light);
-            }
-            PathSurface surface;
-            const bool inside = hit.shape == query.inside;
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
-            travelled += hit.t;
-            if ((FLAGS & HAS_TRANSPARENT) && surface.alpha < 1.0f && random.next().x >= surface.alpha) {
-                go_through(surface, hit, ray, query);
-                travelled += surface.margin;
-                continue;
-            }
-            covered = true;
-            SurfaceMaterial& material = surface.material;
-            if (material.reflectance < 0.0f) {  // UNLIT
-                material.emission = material.color;
-                material.color = { 0.0f, 0.0f, 0.0f };
-                material.reflectance = 0.0f;
-            }
-            if (material.emission.x + material.emission.y + material.emission.z > 0.0f)
-                sum = sum + weight_of_met(last, surface, hit) * mul(throughput, material.emission);
-            if (bounce >= scene.frame.most_bounces)
-                return sum;
-            const Vec3 to_eye = -ray.direction, facing = surface.front ? surface.outward : -surface.outward;
-            if (surface.transmission > 0.0f) {
-                const Random4 drawn = random.next();
-                if (drawn.w < surface.transmission) {
-                    if (!cross_at(surface, hit, inside, drawn, throughput, ray, query))
-                        return sum;
-                    if (++bounce >= SURE_BOUNCES && !survives(throughput))
-                        return sum;
-                    last = { surface.point, { { 0.0f, 0.0f, 0.0f }, throughput }, 0.0f };
-                    travelled = 0.0f;
-                    continue;
-                }
-            }
-            const Reflector reflector(material.color, material.roughness, material.metallic, material.reflectance,
-                                      AlbedoTable { scene.frame.albedo.data });
-            const float share = reflector.facet_share(dot(surface.normal, to_eye));
-            query = { MAX_RAY_T, false, scene.frame.backs != 0, false, convex_of(hit.shape), query.inside };
-            sum = sum + mul(throughput, drawn_light(surface, reflector, to_eye, share, query));
+        path = { from.ray, { from.far, false, false, true, -1, -1 }, from.x, from.y, from.blind };
+        path.throughput = { 1.0f, 1.0f, 1.0f };
+    }
 
-            const Random4 drawn = random.next();
-            const Vec3 direction =
-                normalized(reflector.sample(FrameAxes(surface.normal), to_eye, share, drawn.x, drawn.y, drawn.z));
-            const float density = reflector.density(surface.normal, to_eye, direction, share);
-            if (!(density > 0.0f && dot(facing, direction) > 0.0f))
-                return sum;
-            const ReflectedParts parts = reflector.value(surface.normal, to_eye, direction);
-            const float rate = dot(surface.normal, direction) / density;
-            last = { surface.point,
-                     { mul(throughput, rate * parts.matt), mul(throughput, rate * parts.gloss) },
-                     density };
-            throughput = last.parts.matt + last.parts.gloss;
-            const float before = throughput.x + throughput.y + throughput.z;
-            if (!(before > 0.0f) || (++bounce >= SURE_BOUNCES && !survives(throughput)))
-                return sum;
-            const float raised = (throughput.x + throughput.y + throughput.z) / before;
-            last.parts = { raised * last.parts.matt, raised * last.parts.gloss };
-            ray = { surface.point + surface.margin * facing, direction };
-            travelled = 0.0f;
+    // Where the path goes on after a ray to a light; false if it does not.
+    WARPCAM_INLINED bool turn(Path& path) const
+    {
+        path.to_light = false;
+        path.ray = { path.start, path.next };
+        path.query = { MAX_RAY_T, false, scene.frame.backs != 0, false, path.leaves, path.query.inside };
+        return !path.ends;
+    }
+
+    // One ray on: to the next surface, or to a light. False where the path ends, with its radiance in `sum`.
+    template <int LENS> WARPCAM_INLINED bool go_on(int i, int j, Path& path)
+    {
+        PathRay& ray = path.ray;
+        PathQuery& query = path.query;
+        Vec3& throughput = path.throughput;
+        Scattering& last = path.last;
+        PathHit hit { query.far, -1, -1, -1 };
+        if (!(head[FAULTY] || path.blind))
+            hit = trace(ray, query);
+        const bool at_emitter = path.to_light && path.emitter >= 0 && hit.shape == path.emitter && hit.t >= path.left;
+        PathSurface surface;
+        const bool inside = !path.to_light && hit.shape == query.inside;
+        if (hit.slot >= 0 && (!path.to_light || at_emitter || (FLAGS & HAS_TRANSPARENT)))
+            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
+        if (path.to_light) {
+            if (hit.slot < 0) {
+                if (path.emitter < 0)
+                    path.sum = path.sum + path.arriving;
+            } else if (at_emitter) {
+                path.sum = path.sum + surface.alpha * mul(path.arriving, surface.material.emission);
+            } else if ((FLAGS & HAS_TRANSPARENT) && random.next().x >= surface.alpha) {
+                path.left -= hit.t + surface.margin;
+                go_through(surface, hit, ray, query);
+                return true;
+            }
+            return turn(path);
         }
+        if (path.bounce > 0)
+            path.sum = path.sum + met_lamps(last, ray.direction, hit.slot < 0 ? MAX_RAY_T : path.travelled + hit.t);
+        if (hit.slot < 0) {
+            const Vec3 light = path.bounce == 0 ? background<LENS>(i, j, path)
+                                                : weight_of_sky(last, ray.direction) * sky(ray.direction);
+            path.sum = path.sum + mul(throughput, light);
+            return false;
+        }
+        path.travelled += hit.t;
+        if ((FLAGS & HAS_TRANSPARENT) && surface.alpha < 1.0f && random.next().x >= surface.alpha) {
+            go_through(surface, hit, ray, query);
+            path.travelled += surface.margin;
+            return true;
+        }
+        path.covered = true;
+        SurfaceMaterial& material = surface.material;
+        if (material.reflectance < 0.0f) {  // UNLIT
+            material.emission = material.color;
+            material.color = { 0.0f, 0.0f, 0.0f };
+            material.reflectance = 0.0f;
+        }
+        if (material.emission.x + material.emission.y + material.emission.z > 0.0f)
+            path.sum = path.sum + weight_of_met(last, surface, hit) * mul(throughput, material.emission);
+        if (path.bounce >= scene.frame.most_bounces)
+            return false;
+        const Vec3 to_eye = -ray.direction, facing = surface.front ? surface.outward : -surface.outward;
+        if (surface.transmission > 0.0f) {
+            const Random4 drawn = random.next();
+            if (drawn.w < surface.transmission) {
+                if (!cross_at(surface, hit, inside, drawn, throughput, ray, query))
+                    return false;
+                if (++path.bounce >= SURE_BOUNCES && !survives(throughput))
+                    return false;
+                last = { surface.point, { { 0.0f, 0.0f, 0.0f }, throughput }, 0.0f };
+                path.travelled = 0.0f;
+                return true;
+            }
+        }
+        const Reflector reflector(material.color, material.roughness, material.metallic, material.reflectance,
+                                  AlbedoTable { scene.frame.albedo.data });
+        const float share = reflector.facet_share(dot(surface.normal, to_eye));
+        const LightRay drawn_ray = drawn_light(surface, reflector, to_eye, share);
+        const Vec3 light = mul(throughput, drawn_ray.light);
+        path.to_light = drawn_ray.shines() && drawn_ray.held_up;
+        if (drawn_ray.shines() && !path.to_light)
+            path.sum = path.sum + light;
+        path.ends = !reflect(surface, reflector, to_eye, facing, share, path);
+        path.start = surface.point + surface.margin * facing;
+        path.leaves = convex_of(hit.shape);
+        path.travelled = 0.0f;
+        if (!path.to_light)
+            return turn(path);
+        const bool is_shape = drawn_ray.emitter >= 0;
+        path.arriving = light;
+        path.emitter = drawn_ray.emitter;
+        path.left = drawn_ray.far * (1.0f - SAME_PLACE) - surface.margin;
+        ray = { path.start, drawn_ray.direction };
+        query = { is_shape ? drawn_ray.far * (1.0f + SAME_PLACE) + surface.margin : drawn_ray.far,
+                  !is_shape && !(FLAGS & HAS_TRANSPARENT),
+                  scene.frame.backs != 0,
+                  false,
+                  path.leaves,
+                  query.inside };
+        return true;
+    }
+
+    // Draws the direction in which the path goes on; false where it ends.
+    WARPCAM_INLINED bool reflect(const PathSurface& surface, const Reflector& reflector, Vec3 to_eye, Vec3 facing,
+                                 float share, Path& path)
+    {
+        const Random4 drawn = random.next();
+        path.next = normalized(reflector.sample(FrameAxes(surface.normal), to_eye, share, drawn.x, drawn.y, drawn.z));
+        const float density = reflector.density(surface.normal, to_eye, path.next, share);
+        if (!(density > 0.0f && dot(facing, path.next) > 0.0f))
+            return false;
+        const ReflectedParts parts = reflector.value(surface.normal, to_eye, path.next);
+        const float rate = dot(surface.normal, path.next) / density;
+        Vec3& throughput = path.throughput;
+        Scattering& last = path.last;
+        last = { surface.point, { mul(throughput, rate * parts.matt), mul(throughput, rate * parts.gloss) }, density };
+        throughput = last.parts.matt + last.parts.gloss;
+        const float before = throughput.x + throughput.y + throughput.z;
+        if (!(before > 0.0f) || (++path.bounce >= SURE_BOUNCES && !survives(throughput)))
+            return false;
+        const float raised = (throughput.x + throughput.y + throughput.z) / before;
+        last.parts = { raised * last.parts.matt, raised * last.parts.gloss };
+        return true;
     }
 
     // What a pixel shows that sees nothing.
-    template <int LENS> WARPCAM_DEVICE Vec3 background(int i, int j, const CameraPath& from) const
+    template <int LENS> WARPCAM_INLINED Vec3 background(int i, int j, const Path& path) const
     {
         if constexpr ((FLAGS & SHOWS_ENVIRONMENT) != 0)
-            return environment_along(load_environment(scene.physical.environments, world), from.ray.direction);
+            return environment_along(load_environment(scene.physical.environments, world), path.ray.direction);
         const auto& behind = background_of<FLAGS>(scene, world);
         const auto color = [&](const auto& seen_by) {
             return srgb_to_linear(
-                background_color<LENS, FLAGS>(scene.textures, behind, seen_by, scene.frame.horizon, from.x, from.y));
+                background_color<LENS, FLAGS>(scene.textures, behind, seen_by, scene.frame.horizon, path.x, path.y));
         };
         Vec3 light;
         if constexpr (has_table(LENS))
@@ -157,7 +229,7 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
 
 // Adds paths to one pixel, and writes its means.
 template <class Types, int LENS, int FLAGS, class Scene_, class Views>
-WARPCAM_DEVICE void trace_paths(const Scene_& scene, const Views& views, int index)
+WARPCAM_INLINED void trace_paths(const Scene_& scene, const Views& views, int index)
 {
     const auto& frame = scene.frame;
     const auto& images = scene.images;
@@ -179,13 +251,21 @@ WARPCAM_DEVICE void trace_paths(const Scene_& scene, const Views& views, int ind
     const int first = wp::index(frame.begun, world), count = wp::index(frame.wanted, world);
     Vec3 sum { 0.0f, 0.0f, 0.0f };
     float seen = 0.0f;
-    for (int sample = 0; sample < count; ++sample) {
-        tracer.random = { unsigned(wp::index(frame.seeds, world)), unsigned(pixel), unsigned(first + sample), 0u };
-        bool covered;
-        const Vec3 light = tracer.template radiance<LENS>(i, j, covered);
-        if (abs(light.x + light.y + light.z) < MISS)
-            sum = sum + light;
-        seen += covered ? 1.0f : 0.0f;
+    // A thread whose path has ended begins its next one while its neighbours' go on.
+    typename PathTracer<Types, FLAGS, Scene_>::Path path;
+    int sample = 0;
+    for (bool fresh = true; sample < count;) {
+        if (fresh) {
+            tracer.random = { unsigned(wp::index(frame.seeds, world)), unsigned(pixel), unsigned(first + sample), 0u };
+            tracer.template begin<LENS>(i, j, path);
+        }
+        fresh = !tracer.template go_on<LENS>(i, j, path);
+        if (fresh) {
+            if (abs(path.sum.x + path.sum.y + path.sum.z) < MISS)
+                sum = sum + path.sum;
+            seen += path.covered ? 1.0f : 0.0f;
+            ++sample;
+        }
     }
     Float3Int& total = *reinterpret_cast<Float3Int*>(frame.sums.data + index);
     Float3Int own = make_float3_int(sum, as_int(seen));

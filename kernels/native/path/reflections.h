@@ -29,7 +29,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
         return normalized(2.0f * dot(normal, to_eye) * normal - to_eye);
     }
 
-    WARPCAM_DEVICE PathSurface surface_at_hit(const PathRay& ray, const PathHit& hit, bool inside) const
+    WARPCAM_INLINED PathSurface surface_at_hit(const PathRay& ray, const PathHit& hit, bool inside) const
     {
         PathSurface surface;
         find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
@@ -46,7 +46,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     }
 
     // The light along a ray; `beyond` comes from behind all shapes. Clear bodies are seen straight through.
-    WARPCAM_DEVICE Vec3 light_along(PathRay ray, PathQuery query, Vec3 beyond) const
+    WARPCAM_INLINED Vec3 light_along(PathRay ray, PathQuery query, Vec3 beyond) const
     {
         Vec3 sum { 0.0f, 0.0f, 0.0f }, left { 1.0f, 1.0f, 1.0f };
         for (int layer = 0; layer < MAX_SEEN_THROUGH; ++layer) {
@@ -82,7 +82,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     }
 
     // The light that comes through a clear body whose surface is met. `around`: from lights, added to the sky.
-    WARPCAM_DEVICE Vec3 refracted_light(const PathSurface& entry, int shape, Vec3 to_eye, Vec3 around) const
+    WARPCAM_INLINED Vec3 refracted_light(const PathSurface& entry, int shape, Vec3 to_eye, Vec3 around) const
     {
         const float index = refractive_index(entry.material.reflectance), roughness = entry.material.roughness;
         const bool backs = scene.frame.backs != 0;
@@ -120,7 +120,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     }
 
     // What the surface mirrors, in place of the sky, and what is seen through it.
-    WARPCAM_DEVICE PixelMix mix_at(const PathSurface& surface, int shape, Vec3 to_eye) const
+    WARPCAM_INLINED PixelMix mix_at(const PathSurface& surface, int shape, Vec3 to_eye) const
     {
         const SurfaceMaterial& material = surface.material;
         const Vec3 facing = surface.front ? surface.outward : -surface.outward, none { 0.0f, 0.0f, 0.0f };
@@ -165,7 +165,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     }
 
     // `shape`: the one that a pixel shows.
-    template <int LENS> WARPCAM_DEVICE PixelMix mix_of_pixel(int i, int j, int shape) const
+    template <int LENS> WARPCAM_INLINED PixelMix mix_of_pixel(int i, int j, int shape) const
     {
         const PixelMix nothing { { 0.0f, 0.0f, 0.0f }, 1.0f };
         if (!may_mirror(shape) || this->head[FAULTY])
@@ -188,7 +188,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
 
 // Writes one pixel's mix.
 template <class Types, int LENS, int FLAGS, class Scene_, class Views>
-WARPCAM_DEVICE void trace_reflections(const Scene_& scene, const Views& views, int index)
+WARPCAM_INLINED void trace_reflections(const Scene_& scene, const Views& views, int index)
 {
     const auto& frame = scene.frame;
     const unsigned pixels = unsigned(frame.width * frame.height);

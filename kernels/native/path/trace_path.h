@@ -28,9 +28,9 @@ struct PathQuery {
 };
 
 // The faces of a mesh that a ray meets before `hit`.
-template <class Types, class Meshes> WARPCAM_DEVICE void walk_mesh(const Meshes& meshes, const ShapeRecord& record,
-                                                                   const PathRay& world_ray, bool backs, bool any,
-                                                                   PathHit& hit)
+template <class Types, class Meshes> WARPCAM_INLINED void walk_mesh(const Meshes& meshes, const ShapeRecord& record,
+                                                                    const PathRay& world_ray, bool backs, bool any,
+                                                                    PathHit& hit)
 {
     const Ray ray = world_ray.local(record);
     const RayFrame frame = frame_along(ray);
@@ -121,14 +121,18 @@ WARPCAM_DEVICE bool may_meet(const Float3Int& ball, const PathRay& ray, float fa
 
 // `rows` and `count`: the list of a world's shapes.
 template <class Types, class Meshes, class HeightFields>
-WARPCAM_NOINLINE PathHit trace_path(const Float3Int* rows, int count, const Meshes& meshes, const HeightFields& fields,
-                                    const PathRay& ray, const PathQuery& query)
+WARPCAM_NOINLINE_CPU WARPCAM_INLINED PathHit trace_path(const Float3Int* rows, int count, const Meshes& meshes,
+                                                        const HeightFields& fields, const PathRay& ray,
+                                                        const PathQuery& query)
 {
     PathHit hit { query.far, -1, -1, -1 };
-    for (int slot = 0; slot < count; ++slot) {
+    for (int slot = 0;; ++slot) {
+        // The next shape that the ray may meet: rays that run side by side meet others, and each finds its own first.
+        while (slot < count && !may_meet(load(rows, PATH_SHAPE_ROWS * slot), ray, hit.t))
+            ++slot;
+        if (slot >= count)
+            return hit;
         const Float3Int* const own = rows + PATH_SHAPE_ROWS * slot;
-        if (!may_meet(load(own, 0), ray, hit.t))
-            continue;
         const ShapeRecord record = load_record(own);
         const int type = record.axis_x.w, shape = record.axis_y.w;
         if (query.camera && (record.origin.w & UNSEEN_BY_CAMERA))
@@ -154,7 +158,6 @@ WARPCAM_NOINLINE PathHit trace_path(const Float3Int* rows, int count, const Mesh
                 return hit;
         }
     }
-    return hit;
 }
 
 }  // namespace warpcam
