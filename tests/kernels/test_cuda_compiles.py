@@ -27,7 +27,7 @@ from warpcam.kernels.update.refit_gaussians import GaussianArrays, bind_refit_ga
 from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
-# Bytes of a thread's stack. A function that is called, not inlined, and gets the scene has it copied there: 6,000 bytes.
+# Bytes of a thread's stack. Called, not inlined, a function that gets the scene would copy 6,000 bytes of it there.
 MOST_STACK = 2048
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
