@@ -5,10 +5,19 @@
 #include "traversal/cooperative_leaf_test.h"
 #include "traversal/shape_list.h"
 
-#if defined(__CUDA_ARCH__)
 namespace warpcam {
 
 constexpr int MOST_FACES_A_PIXEL = 10;  // of a region; of meshes with more each ray finds its way through their trees
+
+// True if a trace that projects faces projects a mesh's. It reads nothing of its tree then, which may be an old one.
+template <class Meshes>
+WARPCAM_DEVICE bool projects_mesh(const ShapeRecord& record, const Meshes& meshes, const Region& region)
+{
+    return wp::index(meshes.num_faces, record.axis_z.w) <= MOST_FACES_A_PIXEL * region.width * region.height;
+}
+
+#if defined(__CUDA_ARCH__)
+
 constexpr int PROJECTED_PIXELS = 64 * 32;  // of the largest region
 constexpr int MANY_PIXELS = 12;  // in a face's rectangle, which the warp shares out
 
@@ -104,11 +113,6 @@ struct ProjectedFaces {
     unsigned short waiting_pixels[THREADS / WARP_SIZE][2 * WARP_SIZE];
     unsigned ranks[4];  // bits of the meshes that are projected
 
-    WARPCAM_DEVICE bool projects(const ShapeRecord& record, int faces, const Region& region) const
-    {
-        return record.axis_x.w == MESH && faces <= MOST_FACES_A_PIXEL * region.width * region.height;
-    }
-
     // Projects the faces of all listed meshes that are small enough; a block, between barriers. ray_of(place): a
     // pixel's ray.
     template <class Types, class List, class Meshes, class RayOf>
@@ -122,9 +126,9 @@ struct ProjectedFaces {
         block_sync();
         for (int rank = 0; rank < list.count; ++rank) {
             const ShapeRecord& record = list.at_rank(rank);
-            const int faces = is_mesh<Types>(record) ? wp::index(meshes.num_faces, record.axis_z.w) : 0;
-            if (!projects(record, faces, region))
+            if (!is_mesh<Types>(record) || !projects_mesh(record, meshes, region))
                 continue;
+            const int faces = wp::index(meshes.num_faces, record.axis_z.w);
             if (threadIdx.x == 0)
                 ranks[rank / WARP_SIZE] |= 1u << rank % WARP_SIZE;
             project<Types>(record, rank, faces, meshes, RegionProjection::of<Types>(record, camera, region), ray_of);
@@ -214,5 +218,6 @@ struct ProjectedFaces {
     }
 };
 
-}  // namespace warpcam
 #endif
+
+}  // namespace warpcam
