@@ -149,12 +149,13 @@ class Cloth:
         self.state.particle_q.assign(points.astype(np.float32))
 
 
-def camera(**options: Any) -> wc.Camera:
-    position = (0.3, -2.4, 2.6)
+def camera(inside: bool = False, **options: Any) -> wc.Camera:
+    """Looks at the cloth from above, or out of the box around it."""
+    position, target = ((0.05, 0.02, 1.2), (1.0, 0.3, 1.18)) if inside else ((0.3, -2.4, 2.6), (0.0, 0.0, 0.6))
     return scenes.own_camera(
         **{"width": 64, "height": 64, "outputs": ("depth", "segmentation"), "lens": wc.Pinhole(fovy=60.0)} | options,
         position=position,
-        rotation=scenes.looking(position, (0.0, 0.0, 0.6)),
+        rotation=scenes.looking(position, target),
     )
 
 
@@ -179,7 +180,7 @@ def alike(found: np.ndarray, expected: np.ndarray, most: float = 0.005) -> None:
 def test_whoever_walks_finds_trees_of_the_state_as_it_is(device: wp.Device) -> None:
     cloth = Cloth(device)
     scene = cloth.scene()
-    plain = wc.Renderer(scene, [camera()])
+    plain, within = (wc.Renderer(scene, [camera(inside)]) for inside in (False, True))
     plain.render()
     labels = wc.labels(plain, by="shape")
     assert any(stage.for_trees_only for stage in scene.stages()) == device.is_cuda
@@ -194,6 +195,8 @@ def test_whoever_walks_finds_trees_of_the_state_as_it_is(device: wp.Device) -> N
         found = scenes.on_host(plain.render()["eye"])
         for name in found:
             np.testing.assert_array_equal(found[name], expected[name])
+        inside = (wc.Renderer(fresh, [camera(inside=True)]), within)
+        np.testing.assert_array_equal(*(scenes.on_host(each.render()["eye"])["segmentation"] for each in inside))
         first = read(labels)  # of trees that the frame has left alone
         for name, values in read(wc.labels(reference, by="shape")).items():
             np.testing.assert_array_equal(first[name], values)

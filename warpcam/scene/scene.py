@@ -189,8 +189,9 @@ class Scene:
         return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
 
     def tree_stages(self) -> tuple[Stage, ...]:
-        """Those of them that frames leave out which read no trees: for others that walk through what was drawn."""
-        return tuple(stage for stage in self.stages() if stage.for_trees_only)
+        """Those of them that frames may have left out, for what walks through scenes as they were drawn."""
+        stages = tuple(stage for stage in self.stages() if stage.for_trees_only or stage.for_shading_only)
+        return stages if any(stage.for_trees_only for stage in stages) else ()  # trees may be ordered in normals' room
 
     def clock(self) -> wp.array | None:
         """The simulator's own live array of its time in each world [s], (world,) float32; None where it keeps none."""
