@@ -157,15 +157,20 @@ struct ProjectedFaces {
         const float near = projection.near;
         const auto rows = reinterpret_cast<const Float3Int*>(meshes.faces.data) + unsigned(as_int(record.size.z));
         int queued = 0;
+        Float3Int corners[3] {};  // of the lane's next face, which are on their way while the last is looked at
+        const auto fetch = [&](int face) {
+            if (face < faces)
+#pragma unroll
+                for (int k = 0; k < 3; ++k)
+                    corners[k] = load(rows, unsigned(face * FACE_ROWS + k));
+        };
+        fetch(warp * WARP_SIZE + lane);
         for (int first = warp * WARP_SIZE; first < faces; first += THREADS) {
             const int face = first + lane;
             PixelBox box { 0, 0, 0, 0 };
-            if (face < faces) {
-                const Float3Int corners[3] = { load(rows, unsigned(face * FACE_ROWS)),
-                                               load(rows, unsigned(face * FACE_ROWS) + 1),
-                                               load(rows, unsigned(face * FACE_ROWS) + 2) };
+            if (face < faces)
                 box = projection.around(record.origin, corners);
-            }
+            fetch(face + THREADS);
             const int pixels = box.width * box.height;
             for (unsigned many = __ballot_sync(FULL_WARP, pixels > MANY_PIXELS); many; many &= many - 1) {
                 const int from = ctz(many), left = __shfl_sync(FULL_WARP, box.left, from),
