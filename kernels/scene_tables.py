@@ -48,6 +48,7 @@ class SceneTables:
     splat_limits: Any = None
     opaque_splats: bool = False  # see SplatFlag.OPAQUE
     moving: tuple[int, ...] = ()  # meshes whose corners move
+    moving_faces: int = 0  # of the largest of these, as it is stored
     layers: LayerTables | None = None  # of what one layer cannot show: mirrors, transparent shapes, haze
     world_overrides: Any = None  # WorldOverrides, if worlds have more for themselves than the tables say
     headlights: bool = False  # each world has a headlight of its own: see native/shading/world_overrides.h

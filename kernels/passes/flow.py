@@ -13,7 +13,7 @@ from warpcam.kernels.flags import SceneFlag
 from warpcam.kernels.plan.history import is_compact
 from warpcam.kernels.runtime.compile import compiler_flags, native_module
 from warpcam.kernels.runtime.kernels import make_kernel
-from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.runtime.launch import MeshReads, Stage, bind_launch
 from warpcam.kernels.scene_tables import SceneTables
 from warpcam.kernels.types import Shapes, View
 
@@ -104,7 +104,9 @@ def bind_motions(
         bool(tables.moving),
     )
     inputs = [tables.shapes, views, mask, history, *map(int, facts)]
-    return bind_launch(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
+    stage = bind_launch(write_motions, tables.num_worlds * tables.num_shapes, inputs, device)
+    stage.reads = MeshReads.FACES
+    return stage
 
 
 def bind_reset(known: wp.array, mask: wp.array, device: wp.Device) -> Stage:

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpcam.kernels.runtime.compile import compiler_flags
-from warpcam.kernels.runtime.launch import Stage, bind_launch
+from warpcam.kernels.runtime.launch import MeshReads, Stage, bind_launch
 from warpcam.kernels.types import Meshes
 
 wp.set_module_options(compiler_flags())
@@ -40,7 +40,9 @@ def store_vertices(
 
 def bind_vertex_history(before: VertexHistory, meshes: Meshes, mask: wp.array, device: wp.Device) -> Stage:
     """Bind the stage after all traces that keeps where the corners of moving meshes are."""
-    return bind_launch(store_vertices, before.rows.shape[0], [before, meshes.faces, mask], device)
+    stage = bind_launch(store_vertices, before.rows.shape[0], [before, meshes.faces, mask], device)
+    stage.reads = MeshReads.FACES
+    return stage
 
 
 def allocate_vertex_history(

@@ -12,6 +12,7 @@ from warpcam.kernels.outputs import lit_outputs
 from warpcam.kernels.plan import shading
 from warpcam.kernels.plan.planned_pass import PlannedPass
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
+from warpcam.kernels.runtime.launch import MeshReads
 
 LIGHT = f"{BUFFER}light"  # of an image, where it is no output
 SUMS, SCATTERED = f"{BUFFER}sums of light", f"{BUFFER}scattered light"
@@ -32,15 +33,15 @@ class FilmKey:
 def plan_passes(request: ImageRequest) -> Iterator[PlannedPass[Any]]:
     """Yield the passes after those that draw light."""
     pixels, images = request.width * request.height, tuple((name, name) for name in lit_outputs(request.outputs))
-    light = ("light", "hdr")
+    light, reads = ("light", "hdr"), MeshReads.FACES
     if request.metered:
-        yield PlannedPass("light meter", None, _meter_threads(request), (light, ("sums", SUMS)))
-        yield PlannedPass("automatic exposure", None, 1, (("sums", SUMS),))
+        yield PlannedPass("light meter", None, _meter_threads(request), (light, ("sums", SUMS)), reads)
+        yield PlannedPass("automatic exposure", None, 1, (("sums", SUMS),), reads)
     if request.bloom:
         images = (("scattered", SCATTERED), *images)
-        yield PlannedPass("bloom", None, pixels, (light, ("scattered", SCATTERED)))
+        yield PlannedPass("bloom", None, pixels, (light, ("scattered", SCATTERED)), reads)
     key = FilmKey(shading.tone_flag(request, request.outputs))
-    yield PlannedPass("film", key, pixels, (light, *images))
+    yield PlannedPass("film", key, pixels, (light, *images), reads)
 
 
 def plan_buffers(request: ImageRequest) -> tuple[tuple[str, Any, tuple[int, int]], ...]:

@@ -27,7 +27,7 @@ from warpcam.kernels.plan.shadow import ShadowKey
 from warpcam.kernels.plan.splats import SplatKey
 from warpcam.kernels.plan.trace import InViewKey, ListKey, MirrorKey, TraceKey
 from warpcam.kernels.plan.words import describe
-from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.runtime.launch import Group, MeshReads
 from warpcam.kernels.scene_tables import SceneTables
 
 KernelKey = (
@@ -161,7 +161,7 @@ def plan_frame(tables: SceneTables, request: ImageRequest, device: wp.Device, gr
         visibility, last = planner.plan((*lit, *rest), False)
     if in_view:
         key = trace.plan_in_view(tables, request, device)
-        visibility = (PlannedPass("shapes in view", key, launches.THREADS), *visibility)
+        visibility = (PlannedPass("shapes in view", key, launches.THREADS, reads=MeshReads.FACES), *visibility)
     return FramePlan(
         lists=trace.plan_list(tables, request, device) if capacity else None,
         list_rows=trace.in_view_rows(tables) if in_view else trace.rows_of(capacity, request.outputs),
@@ -197,7 +197,8 @@ def _plan_supersampled(tables: SceneTables, request: ImageRequest, device: wp.De
     sharp = plan_frame(tables, request.sharp, device, group) if request.sharp.outputs else NOTHING
     pixels = request.width * request.height
     means = (
-        PlannedPass("mean of parts", None, pixels, (("parts", FINE + name), ("mean", name))) for name in request.smooth
+        PlannedPass("mean of parts", None, pixels, (("parts", FINE + name), ("mean", name)), MeshReads.FACES)
+        for name in request.smooth
     )
     return replace(
         sharp,
@@ -267,7 +268,9 @@ class _Planner:
                 last += self._reflections((*seen, *mixed), listed=bool(indirect))
             more = {"write_back": write_back, "reflections": bool(mixed), "indirect": bool(indirect)}
             launch = self._shading(shaded, bool(shadows), shares=shares, mirrors=reflecting, **more)
-            last.append(self._pass("shading", launch, (*seen, *shadows, *visible, *indirect, *mixed, *shaded)))
+            used = (*seen, *shadows, *visible, *indirect, *mixed, *shaded)
+            clear = tables.layers is None or not tables.layers.has_transparent
+            last.append(self._pass("shading", launch, used, MeshReads.NORMALS if clear else MeshReads.TREES))
         if smooth:
             bytes_each = self._dtype(written["shape"]) is wp.int8
             images = tuple((f"smooth {name}", name) for name in smooth)
@@ -276,9 +279,10 @@ class _Planner:
         others = dict.fromkeys(pass_of(name).name for name in derived if name not in PASSES["shading"].writes)
         for name in others:
             images = tuple((output, output) for output in derived if output in PASSES[name].writes)
-            last.append(self._pass(name, plan_derived(tables, request, self.device), (*seen, *images)))
+            deriving = plan_derived(tables, request, self.device)
+            last.append(self._pass(name, deriving, (*seen, *images), MeshReads.NORMALS))
         if tables.splats is not None:
-            first.insert(0, PlannedPass("check of Gaussians", None, 1))
+            first.insert(0, PlannedPass("check of Gaussians", None, 1, reads=MeshReads.FACES))
             last.append(self._splats(outputs, written))
         return tuple(first), tuple(last)
 
@@ -304,7 +308,7 @@ class _Planner:
         launch = self._plan(
             trace.plan_trace, images=roles, flags=flags, opaque=opaque, listed=self.listed, in_view=self.in_view
         )
-        return self._pass("trace", launch, arrays)
+        return self._pass("trace", launch, arrays, trace.reads_of(self.tables, self.request, launch.key))
 
     def _path_shapes(self) -> PlannedPass[Any]:
         key = paths.plan_list(self.tables, self.request, self.device)
@@ -357,14 +361,20 @@ class _Planner:
             images = _swapped(images)
         launch = splats.plan_splats(self.tables, self.request, self.device, images=tuple(images))
         seen = (("seen depth", written["depth"]), ("seen shape", written["shape"]))
-        return self._pass("Gaussians", launch, (*seen, *images.items()))
+        return self._pass("Gaussians", launch, (*seen, *images.items()), MeshReads.FACES)
 
     def _plan(self, plan: Callable[..., Result], **more: Any) -> Result:
         """Call a plan whose arguments are scene, request, device and group, and more of its own."""
         return plan(self.tables, self.request, self.device, self.group, **more)
 
-    def _pass(self, name: str, launch: launches.PlannedLaunch[Any], arrays: Arrays) -> PlannedPass[Any]:
-        return PlannedPass(name, launch.key, launch.threads, arrays)
+    def _pass(
+        self,
+        name: str,
+        launch: launches.PlannedLaunch[Any],
+        arrays: Arrays,
+        reads: MeshReads = MeshReads.TREES,
+    ) -> PlannedPass[Any]:
+        return PlannedPass(name, launch.key, launch.threads, arrays, reads)
 
     def _dtype(self, name: str) -> Any:
         return self.buffers[name] if name.startswith(BUFFER) else OUTPUTS[name].dtype

@@ -1,5 +1,6 @@
 """Kernels of the trace, of the trace of mirrored views, and of the stage that lists shapes for the trace."""
 
+import math
 from collections.abc import Collection, Set
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from warpcam.kernels.flags import (
 from warpcam.kernels.plan import history, launches
 from warpcam.kernels.plan.launches import LENSES, PlannedLaunch, SceneTypes, flag_if, region_size
 from warpcam.kernels.plan.request import ImageRequest
-from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.runtime.launch import Group, MeshReads
 from warpcam.kernels.scene_tables import SceneTables
 
 # Arrays of the trace by name, in the order in which the target has them.
@@ -46,6 +47,8 @@ OPTIONAL = (
 # Regions of a trace that projects faces, of which each block projects all, and how many blocks a multiprocessor is to
 # have at least; shapes of a pass: native/traversal/projected_faces.h
 PROJECTED_REGIONS, PROJECTED_BLOCKS, PROJECTED_CAPACITY = ((64, 32), (32, 32)), 3, 128
+PROJECTED_FACES = 10  # a pixel of a region: meshes with more are not projected; the header has the same number
+TILE = (8, 4)  # pixels
 LISTED_BYTES = 99  # of shared memory for each shape that a block lists: traversal/shape_list.h, ShapeList
 BLOCKS = 10  # on a multiprocessor: bounds the registers of a thread
 MESH_BLOCKS = 8  # the same for scenes with meshes or height fields
@@ -209,6 +212,15 @@ def _projected_region(worlds: int, request: ImageRequest, device: wp.Device) -> 
         if worlds * launches.regions_of(request.width, request.height, region) >= PROJECTED_BLOCKS * device.sm_count:
             return region
     return None
+
+
+def reads_of(tables: SceneTables, request: ImageRequest, key: TraceKey) -> MeshReads:
+    """What a trace reads of moving meshes: no trees where each block projects the faces of all."""
+    sizes = zip((request.width, request.height), key.region, TILE, strict=True)
+    # of the last region, along each axis
+    smallest = math.prod(-(-((length - 1) % size + 1) // tile) * tile for length, size, tile in sizes)
+    projects = TraceFlag.PROJECTED_FACES in key.outputs and tables.moving_faces <= PROJECTED_FACES * smallest
+    return MeshReads.FACES if projects else MeshReads.TREES
 
 
 def plan_in_view(tables: SceneTables, request: ImageRequest, device: wp.Device) -> InViewKey:

@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any
 
 import warp as wp
@@ -36,6 +37,14 @@ class Group:
         return cls(range(num_worlds), num_worlds)
 
 
+class MeshReads(IntEnum):
+    """What work reads of meshes that move; each has those before."""
+
+    FACES = 0  # where faces are, and the boxes around whole meshes
+    NORMALS = 1  # what is shaded
+    TREES = 2
+
+
 class Stage:
     """One launch of a kernel with its arguments. ``launch()`` neither allocates nor syncs, but for the first time.
 
@@ -46,11 +55,15 @@ class Stage:
         independent: Of a scene's stages those that wait for none that are not aside, and that cameras' poses do not
             need.
         for_shading_only: Of a scene's stages those that write what colours and normals alone need.
+        for_trees_only: Of a scene's stages those that write what rays on their way through trees alone need.
+        reads: Of meshes that move.
         key: That of kernels/plan, which the kernel was compiled for; None for kernels without variants.
     """
 
     independent = False
     for_shading_only = False
+    for_trees_only = False
+    reads = MeshReads.TREES
     key: Any = None
 
     def __init__(
@@ -112,21 +125,38 @@ class FrameGraph:
     """Stages in their order: phase after phase, each of chains that may run side by side.
 
     ``launch()`` neither allocates nor syncs. It may be part of a capture.
+
+    Args:
+        phases: Phases.
+        device: Where they run.
+        late: Stages that those wait for which read more of moving meshes than faces. They run beside the others.
+        begin: The phase that they begin with.
     """
 
-    def __init__(self, phases: Sequence[Sequence[Sequence[Stage]]], device: wp.Device):
+    def __init__(
+        self,
+        phases: Sequence[Sequence[Sequence[Stage]]],
+        device: wp.Device,
+        late: Sequence[Stage] = (),
+        begin: int = 0,
+    ):
         self.phases = tuple(
             tuple(tuple(itertools.chain(*chains[k::STREAMS])) for k in range(min(STREAMS, len(chains))))
             for chains in phases
         )
-        self._device = device
+        self._device, self._late, self._begin = device, tuple(late), begin
         beside = max(map(len, self.phases), default=1) - 1 if device.is_cuda else 0
         self._streams = [nonblocking_stream(device) for _ in range(beside)]
         self._begun = wp.Event(device) if beside else None
         self._done = [wp.Event(device) for _ in range(beside)]
+        apart = device.is_cuda and bool(late)
+        self._late_stream = nonblocking_stream(device) if apart else None
+        self._late_begun, self._late_done = (wp.Event(device) if apart else None for _ in range(2))
+        self._waiting: set[int] = set()  # streams that do not know yet that the late stages are done
 
     @property
     def stages(self) -> Iterator[Stage]:
+        yield from self._late
         for chains in self.phases:
             yield from itertools.chain(*chains)
 
@@ -134,12 +164,36 @@ class FrameGraph:
         """Enqueue the frame on a stream, the device's current one unless given (CUDA), or finish it (CPU)."""
         if stream is None and self._device.is_cuda:
             stream = self._device.stream
-        for chains in self.phases:
+        for number, chains in enumerate(self.phases):
+            if number == self._begin:
+                self._launch_late(stream)
             if len(chains) > 1 and stream is not None and self._streams:
                 self._launch_together(chains, stream)
             else:
                 for stage in itertools.chain(*chains):
-                    stage.launch(stream)
+                    self._launch(stage, stream)
+        self._wait(stream)
+
+    def _launch_late(self, stream: wp.Stream | None) -> None:
+        if stream is not None and self._late_stream is not None:
+            stream.record_event(self._late_begun)
+            self._late_stream.wait_event(self._late_begun)
+            self._waiting = {id(each) for each in (stream, *self._streams)}
+        for stage in self._late:
+            stage.launch(self._late_stream)
+        if self._late_stream is not None:
+            self._late_stream.record_event(self._late_done)
+
+    def _launch(self, stage: Stage, stream: wp.Stream | None) -> None:
+        if stage.reads > MeshReads.FACES:
+            self._wait(stream)
+        stage.launch(stream)
+
+    def _wait(self, stream: wp.Stream | None) -> None:
+        """Let a stream wait for the late stages, once."""
+        if stream is not None and id(stream) in self._waiting:
+            self._waiting.discard(id(stream))
+            stream.wait_event(self._late_done)
 
     def _launch_together(self, chains: Sequence[Sequence[Stage]], stream: wp.Stream) -> None:
         beside = list(zip(self._streams, self._done, strict=True))[: len(chains) - 1]
@@ -150,7 +204,7 @@ class FrameGraph:
         for stages in itertools.zip_longest(*chains):
             for stage, where in zip(stages, (stream, *(side for side, _ in beside)), strict=True):
                 if stage is not None:
-                    stage.launch(where)
+                    self._launch(stage, where)
         for side, done in beside:
             side.record_event(done)
             stream.wait_event(done)

@@ -1,5 +1,8 @@
 """The stages that follow meshes whose corners move: their faces, and the boxes of their trees, from the leaves up.
 
+On CUDA faces, boxes of leaves and those of whole meshes come first: all that is read of a mesh that is projected into
+images (native/traversal/projected_faces.h). The rest of a tree is for rays that walk through it.
+
 A tree whose boxes have grown gets its faces in a new order, in place: see native/accel/reorder.h.
 """
 
@@ -19,7 +22,7 @@ from warpcam.kernels.types import Meshes
 FAR = 1.0e29  # bounds of children that are not there lie beyond it
 LANES = 32  # of a warp
 EVERY = 16  # frames that share in measuring a tree; accel/reorder.h has the same number
-LEAF_LANES = 8  # of CUDA work on a leaf; accel/refit.h has the same number
+RUN_FACES = THREADS  # of leaves that a block moves on CUDA; accel/refit.h has the same number
 RUN = 32  # of leaves, children or faces that an index of a CPU's launch does; accel/refit.h has the same number
 FEW = 1024  # children of a level: so many one block brings to where they are now, with all levels above
 
@@ -41,8 +44,13 @@ class DeformingMeshes:
     num_flat: wp.int32  # the first that are flat as what they were made of; all others are as flat as they lie
     backs: wp.int32  # 1 where each face is seen from behind, too, and flat: see Meshes.faces
     num_leaves: wp.int32
-    entries: wp.array(dtype=wp.vec3i)  # (entry,) a node, a child's number, and the child: leaves, then nodes from below
+    # (entry,) a node, a child's number, and the child: leaves in the order of their faces, then nodes from below
+    entries: wp.array(dtype=wp.vec3i)
     levels: wp.array(dtype=wp.int32)  # (level + 1,) where in `entries` the levels of nodes begin, and the end
+    # (run,) of leaves that a block moves: the first and the last in `entries`, where its faces begin, and how many
+    # they are; and of each instance and run the box, lower and upper corner; both on CUDA alone
+    runs: wp.array(dtype=wp.vec4i)
+    boxes: wp.array(dtype=wp.float32)
 
 
 MOVING = {"moving": DeformingMeshes, "meshes": Meshes}
@@ -50,6 +58,7 @@ POINTS = MOVING | {"points": wp.array(dtype=wp.vec3)}
 NATIVE = native_module("accel/refit.h")
 
 move_leaves = make_kernel("move_leaves", "warpcam::move_leaves(moving, meshes, points, index);", POINTS, NATIVE)
+move_bounds = make_kernel("move_bounds", "warpcam::move_bounds(moving, meshes, index);", MOVING, NATIVE)
 move_level = make_kernel(
     "move_level",
     "warpcam::move_level(moving, meshes, begin, count, index);",
@@ -67,9 +76,10 @@ move_normals = make_kernel(
 )
 
 
-def kernels_of(backs: bool) -> list[wp.Kernel]:
+def kernels_of(backs: bool, device: wp.Device) -> list[wp.Kernel]:
     """Return the kernels of most trees' stages; faces with ``backs`` compute their own normals."""
-    return [move_leaves, finish_trees] if backs else [move_leaves, finish_trees, move_normals]
+    bounds = [move_bounds] if device.is_cuda else []
+    return [move_leaves, *bounds, finish_trees, *([] if backs else [move_normals])]
 
 
 @dataclass(frozen=True)
@@ -123,11 +133,15 @@ class DeformingTree:
         moving.offset, moving.num_smooth, moving.num_flat = shading.offset, shading.num_smooth, shading.num_flat
         moving.backs = int(two_sided)
         leaves = np.concatenate([level[level[:, 2] < 0] for level in levels])
+        leaves = leaves[np.argsort(-leaves[:, 2])]  # as their faces stand
         inner = [level[level[:, 2] >= 0] for level in levels[::-1]]
         inner = [level for level in inner if len(level)]
         moving.num_leaves, moving.num_nodes = len(leaves), 1 + sum(map(len, inner))
         entries = np.concatenate((leaves, *inner)).astype(np.int32)
         moving.entries = wp.array(entries, dtype=wp.vec3i, device=device)
+        runs = _runs(-leaves[:, 2] - 1) if device.is_cuda else np.zeros((0, 4), np.int32)
+        moving.runs = wp.array(runs, dtype=wp.vec4i, device=device)
+        moving.boxes = wp.zeros(6 * len(assets) * len(runs), dtype=wp.float32, device=device)
         self._starts = np.cumsum([len(leaves), *map(len, inner)])
         moving.levels = self._integers(self._starts)
         self._instances = len(assets)
@@ -149,10 +163,14 @@ class DeformingTree:
         moving, meshes, device, instances = self._moving, self._meshes, self._device, self._instances
         if normals is None:
             normals = wp.empty(0, dtype=wp.vec3, device=device)
-        lanes, threads, run = (LEAF_LANES, THREADS, 1) if device.is_cuda else (1, 1, RUN)
-        leaves = -(-instances * moving.num_leaves * lanes // run)
-        stages = [bind_launch(move_leaves, leaves, [moving, meshes, points], device)] if leaves else []
-        level = 0
+        threads, run = (THREADS, 1) if device.is_cuda else (1, RUN)
+        blocks = instances * moving.runs.shape[0]
+        leaves = THREADS * blocks if device.is_cuda else -(-instances * moving.num_leaves // run)
+        moved = [moving, meshes, points]
+        stages = [bind_launch(move_leaves, leaves, moved, device, block_dim=THREADS)] if leaves else []
+        if device.is_cuda:
+            stages.append(bind_launch(move_bounds, instances * LANES, [moving, meshes], device))
+        first, level = len(stages), 0
         for begin, end in itertools.pairwise(map(int, self._starts)):
             if end - begin <= FEW:
                 break
@@ -161,6 +179,8 @@ class DeformingTree:
             level += 1
         finish = [moving, meshes, points, level]
         stages.append(bind_launch(finish_trees, instances * threads, finish, device, block_dim=THREADS))
+        for stage in stages[first:]:
+            stage.for_trees_only = device.is_cuda  # on a CPU the root's box is the mesh's
         if moving.backs:  # these have their normals from their faces
             return stages
         faces = moving.triangles.shape[0]
@@ -199,3 +219,14 @@ class DeformingTree:
                 listed = max(listed, int(((leaves >> 4) + (leaves & 15)).max()))
             nodes = codes[codes >= 0].astype(np.int64)
         return levels, listed
+
+
+def _runs(codes: np.ndarray) -> np.ndarray:
+    """Runs of leaves, whose codes ascend: see ``DeformingMeshes.runs``."""
+    begins, counts = codes >> 4, codes & 15
+    runs, first = [], 0
+    while first < len(codes):
+        end = first + int(np.searchsorted(begins[first:] + counts[first:] - begins[first], RUN_FACES, "right"))
+        runs.append((first, end - 1, begins[first], begins[end - 1] + counts[end - 1] - begins[first]))
+        first = end
+    return np.array(runs, np.int32).reshape(-1, 4)

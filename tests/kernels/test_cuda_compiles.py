@@ -301,7 +301,8 @@ def test_of_what_moves_and_splats(theirs: bool, card: list[launch.Stage], folder
     choice = NewtonOptions(solid=theirs, lit_normals=theirs, backs=theirs or None)
     scene = load(*newton_scenes.finalize(builder, wp.get_device()), None, (0.2, 0.2, 0.2), None, None, choice=choice)
     wc.Renderer(scene, [splat_scenes.eye(shadows=True)])
-    assert _compile(card, folder) >= 3
+    bounds = launch.bind_launch(refit.move_bounds, 0, [], scene.device)  # a stage on CUDA alone
+    assert _compile([*card, bounds], folder) >= 3
 
 
 def test_of_splats_by_world(card: list[launch.Stage], folder: Path) -> None:

@@ -24,7 +24,8 @@ from warpcam.kernels.outputs import OUTPUTS
 from warpcam.kernels.plan import edges, frame, launches, shading, shadow, trace, words
 from warpcam.kernels.plan.passes import PASSES, pass_of, register
 from warpcam.kernels.plan.request import BUFFER, ImageRequest
-from warpcam.kernels.runtime.launch import Group
+from warpcam.kernels.runtime.compile import NATIVE
+from warpcam.kernels.runtime.launch import Group, MeshReads
 from warpcam.kernels.scene_tables import SceneTables
 
 CPU: Any = SimpleNamespace(is_cuda=False, is_cpu=True)
@@ -301,6 +302,52 @@ def test_faces_that_move_are_projected(worlds: int, shapes: int, lens: str, regi
     still = replace(tables, flags=NO_SCENE_FLAGS)
     key = trace.plan_trace(still, request, CARD, group, images=("depth", "shape"), flags=NO_SHADING_FLAGS).key
     assert TraceFlag.PROJECTED_FACES not in key.outputs
+
+
+MOVING = {"size": (64, 64), "lens": "pinhole", "layers": None}
+GLASS = SimpleNamespace(has_transparent=True, has_mirrors=False, haze=None, transparent_shapes=ONE)
+
+
+def reads(*outputs: str, faces: int = 10_000, device: Any = CARD, **request: Any) -> list[MeshReads]:
+    """What the passes of images with so many pixels read of a mesh that moves."""
+    size, lens, layers = (request.pop(name, given) for name, given in MOVING.items())
+    flags, moving = SceneFlag.DEFORMING_MESHES, {"moving": (0,), "moving_faces": faces}
+    tables = scene(types.MESH, flags=flags, layers=layers, **moving)
+    plan = frame.plan_frame(tables, ImageRequest(*size, lens, outputs, **request), device)
+    return [each.reads for each in (*(plan.fine.passes if plan.fine else ()), *plan.passes)]
+
+
+def test_projected_faces_need_no_trees() -> None:
+    faces, normals, trees = MeshReads
+    assert reads("depth", "segmentation") == [faces]
+    assert reads("depth", "segmentation", device=CPU) == [trees]
+    assert reads("depth", lens="orthographic") == [trees]
+    assert reads("rgb", "depth") == [faces, normals]
+    assert reads("rgb", "faces") == [faces, normals, normals]
+    assert reads("rgb", "depth", shadows=True) == [faces, trees, normals]
+    assert reads("rgb", antialiasing=4)[-1] == trees
+    assert reads("rgb", antialiasing=8) == [faces, normals, trees, faces]  # the last are means
+    assert reads("rgb", layers=GLASS)[-1] == trees
+    assert trees in reads("rgb", ambient_occlusion=True)
+
+
+@pytest.mark.parametrize(
+    ("size", "faces", "projects"),
+    [
+        ((64, 64), 20_480, True),
+        ((64, 64), 20_481, False),  # of a region of 64x32 pixels
+        ((64, 37), 10 * 64 * 8, True),  # the last one has 8 rows of tiles
+        ((64, 37), 10 * 64 * 8 + 1, False),
+        ((16, 12), 10 * 16 * 12, True),
+        ((16, 12), 10 * 16 * 12 + 1, False),
+    ],
+)
+def test_trees_are_left_alone_where_each_region_projects_all_faces(
+    size: tuple[int, int], faces: int, projects: bool
+) -> None:
+    assert reads("depth", size=size, faces=faces) == [MeshReads.FACES if projects else MeshReads.TREES]
+    header = (NATIVE / "traversal" / "projected_faces.h").read_text()
+    assert f"MOST_FACES_A_PIXEL = {trace.PROJECTED_FACES};" in header
 
 
 def test_smooth_edges_have_a_pass_and_a_buffer_unless_in_place() -> None:

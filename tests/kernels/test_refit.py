@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 
 from warpcam.accel.meshes import Mesh, pack_meshes
+from warpcam.kernels.runtime.compile import NATIVE
 from warpcam.kernels.update import refit
 
 
@@ -17,6 +18,22 @@ def sheet(cells: int) -> tuple[np.ndarray, np.ndarray]:
     one = np.stack((first, first + cells + 1, first + 1), axis=1)
     other = np.stack((first + 1, first + cells + 1, first + cells + 2), axis=1)
     return points, np.concatenate((one, other)).astype(np.int32)
+
+
+def test_runs_hold_whole_leaves_and_as_many_as_have_room() -> None:
+    counts = np.random.default_rng(0).integers(1, 16, 700)
+    begins = np.cumsum(counts) - counts
+    runs = refit._runs(begins * 16 + counts)
+    assert runs[0, 0] == 0
+    assert runs[-1, 1] == len(counts) - 1
+    assert (runs[1:, 0] == runs[:-1, 1] + 1).all()
+    assert (runs[:, 2] == begins[runs[:, 0]]).all()
+    assert (runs[:, 3] == [counts[first : last + 1].sum() for first, last in runs[:, :2]]).all()
+    assert (runs[:, 3] <= refit.RUN_FACES).all()
+    assert (runs[:-1, 3] + counts[runs[1:, 0]] > refit.RUN_FACES).all()
+    assert "RUN_FACES = THREADS;" in (NATIVE / "accel" / "refit.h").read_text()
+    assert refit.RUN_FACES == refit.THREADS
+    assert refit._runs(np.zeros(0, np.int32)).shape == (0, 4)
 
 
 @pytest.mark.parametrize("two_sided", [False, True])

@@ -72,7 +72,7 @@ class Labels:
             amodal=amodal,
             masks=masks,
         )
-        self._boxes = common.boxes
+        self._boxes, self._walks = common.boxes, amodal or bool(table.names)
         self._cameras = {
             key: CameraStages(drawn[key], kept_shapes(drawn[key].camera, scene), images[key], common) for key in chosen
         }
@@ -128,6 +128,7 @@ class Labels:
         types = launches.scene_types(tables, self._device, lit=False)
         arguments = [tables.shapes, tables.materials, tables.meshes, tables.height_fields, boxes]
         self._stages: list[Stage] = [
+            *(scene.tree_stages() if self._walks else ()),
             bind_launch(kernels.box_kernel(types), boxes.half_extents.size, arguments, self._device),
             *(stage for each in self._cameras.values() for stage in each.bind(tables)),
         ]

@@ -248,7 +248,10 @@ class CameraPasses:
 def _bound(plan: FramePlan, frame: CameraFrame) -> Iterator[list[Stage]]:
     """Yield the stages of visibility, and those of shading."""
     for passes in (plan.visibility, plan.shading):
-        yield [PASSES[each.name].bind(each, frame) for each in passes]
+        stages = [PASSES[each.name].bind(each, frame) for each in passes]
+        for stage, each in zip(stages, passes, strict=True):
+            stage.reads = each.reads
+        yield stages
 
 
 def _as_image(pixels: wp.array, output: str) -> wp.array:

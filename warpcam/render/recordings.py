@@ -1,11 +1,12 @@
 """Recorded frames of a renderer, by what the scene is bound to."""
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import warp as wp
 
-from warpcam.kernels.runtime.launch import FrameGraph, Stage
+from warpcam.kernels.runtime.launch import FrameGraph, MeshReads, Stage
 from warpcam.kernels.runtime.streams import nonblocking_stream
 
 MAX_RECORDINGS = 4  # states that a renderer goes to and fro between without recording anew
@@ -55,12 +56,27 @@ class Recordings(dict[tuple[Stage, ...], Recording]):
             if len(self) >= MAX_RECORDINGS:
                 self.pop(next(iter(self)))
             needed = [stage for stage in stages if self._shades or not stage.for_shading_only]
-            aside = [stage for stage in needed if stage.independent]
-            rest = [stage for stage in needed if not stage.independent]
-            frames = {}
-            for everything, ((views,), *phases) in self._phases.items():
-                head = [[[*rest, *views], aside]] if aside else [[rest], [views]]
-                frames[everything] = FrameGraph([*head, *phases], self._device)
+            frames = {everything: self._frame(needed, *phases) for everything, phases in self._phases.items()}
             recording = Recording(frames, {})
         self[stages] = recording
         return recording
+
+    def _frame(self, scene: list[Stage], views: list[list[Stage]], *phases: list[list[Stage]]) -> FrameGraph:
+        """One frame: the scene's stages, as far as they are needed, views, and what follows.
+
+        Trees that nobody walks through stay as they are.
+        """
+        most = [max((stage.reads for stage in itertools.chain(*chains)), default=MeshReads.FACES) for chains in phases]
+        needed = [stage for stage in scene if MeshReads.TREES in most or not stage.for_trees_only]
+        reading = next((chains for chains, reads in zip(phases, most, strict=True) if reads > MeshReads.FACES), [])
+        late = self._late(needed, reading)
+        early = [stage for stage in needed if stage not in late]
+        aside = [stage for stage in early if stage.independent]
+        rest = [stage for stage in early if not stage.independent]
+        head = [[[*rest, *views[0]], aside]] if aside else [[rest], views]
+        return FrameGraph([*head, *phases], self._device, late, len(head))
+
+    def _late(self, scene: list[Stage], reading: list[list[Stage]]) -> list[Stage]:
+        """The scene's stages that may run beside others: all chains that wait for them begin with what does not."""
+        ahead = all(chain[0].reads == MeshReads.FACES for chain in reading if chain)
+        return [stage for stage in scene if ahead and (stage.for_trees_only or stage.for_shading_only)]

@@ -187,7 +187,7 @@ class Renderer(RenderedTensors):
         count = self._look.check_more(samples, self._has_drawn)
         with self.lock, torch_interop.in_order(self._device):
             self._look.more.fill_(count)
-            for stage in self._adding:
+            for stage in (*self._scene.tree_stages(), *self._adding):
                 stage.launch()
         return self.images
 

@@ -63,6 +63,7 @@ class Scene:
         ahead += [views.LAUNCHED] if ahead or parts.meshes else []  # else compiled beside a renderer's other kernels
         self._meshes, self._num_faces = pack_meshes(parts.meshes, self.device, shut, ahead)
         self._moving = tuple(index for index, mesh in enumerate(parts.meshes) if mesh.moves)
+        self._moving_faces = int(self._meshes.num_faces.numpy()[list(self._moving)].max(initial=0))
         self._height_fields = pack_height_fields(parts.height_fields, self.device)
         self._textures = pack_textures(parts.textures, self.device)
         types, spare = set(seen), has_plane_path(set(seen), len(seen))
@@ -186,6 +187,11 @@ class Scene:
         """
         stages = self._source.stages(self._meshes)
         return (*stages, *self._own.stages_over(self._source)) if self._own.stages else stages
+
+    def tree_stages(self) -> tuple[Stage, ...]:
+        """Those of them that frames may have left out, for what walks through scenes as they were drawn."""
+        stages = tuple(stage for stage in self.stages() if stage.for_trees_only or stage.for_shading_only)
+        return stages if any(stage.for_trees_only for stage in stages) else ()  # trees may be ordered in normals' room
 
     def clock(self) -> wp.array | None:
         """The simulator's own live array of its time in each world [s], (world,) float32; None where it keeps none."""
@@ -338,6 +344,7 @@ class Scene:
             has_maps=parts.physical and parts.maps,
             backs_shade=parts.backs_shade,
             moving=self._moving,
+            moving_faces=self._moving_faces,
             layers=self._layers,
             splats=None if self._splats is None else self._splats.table,
             opaque_splats=parts.opaque_splats,

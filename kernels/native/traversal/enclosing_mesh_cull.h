@@ -142,12 +142,14 @@ WARPCAM_DEVICE bool may_be_seen_from_inside(const ShapeRecord& record, const Mes
     return true;
 }
 
-// Removes such meshes from all tiles of the region.
-template <class Types, class List, class Meshes>
-WARPCAM_DEVICE void cull_enclosing_meshes(List& list, const Meshes& meshes, const TileRays& region, int thread)
+// Removes such meshes from all tiles of the region. apart(record): rays do not walk through the mesh.
+template <class Types, class List, class Meshes, class Apart>
+WARPCAM_DEVICE void cull_enclosing_meshes(List& list, const Meshes& meshes, const TileRays& region, int thread,
+                                          const Apart& apart)
 {
     for (int slot = thread; slot < list.count; slot += THREADS)  // as sort_by_depth() goes on from here
-        if (is_mesh<Types>(list.records[slot]) && !may_be_seen_from_inside<Types>(list.records[slot], meshes, region))
+        if (is_mesh<Types>(list.records[slot]) && !apart(list.records[slot])
+            && !may_be_seen_from_inside<Types>(list.records[slot], meshes, region))
             list.touched[slot] = { 1, 1, 0, 0 };
 }
 

@@ -5,10 +5,19 @@
 #include "traversal/cooperative_leaf_test.h"
 #include "traversal/shape_list.h"
 
-#if defined(__CUDA_ARCH__)
 namespace warpcam {
 
 constexpr int MOST_FACES_A_PIXEL = 10;  // of a region; of meshes with more each ray finds its way through their trees
+
+// True if a trace that projects faces projects a mesh's. It reads nothing of its tree then, which may be an old one.
+template <class Meshes>
+WARPCAM_DEVICE bool projects_mesh(const ShapeRecord& record, const Meshes& meshes, const Region& region)
+{
+    return wp::index(meshes.num_faces, record.axis_z.w) <= MOST_FACES_A_PIXEL * region.width * region.height;
+}
+
+#if defined(__CUDA_ARCH__)
+
 constexpr int PROJECTED_PIXELS = 64 * 32;  // of the largest region
 constexpr int MANY_PIXELS = 12;  // in a face's rectangle, which the warp shares out
 
@@ -104,11 +113,6 @@ struct ProjectedFaces {
     unsigned short waiting_pixels[THREADS / WARP_SIZE][2 * WARP_SIZE];
     unsigned ranks[4];  // bits of the meshes that are projected
 
-    WARPCAM_DEVICE bool projects(const ShapeRecord& record, int faces, const Region& region) const
-    {
-        return record.axis_x.w == MESH && faces <= MOST_FACES_A_PIXEL * region.width * region.height;
-    }
-
     // Projects the faces of all listed meshes that are small enough; a block, between barriers. ray_of(place): a
     // pixel's ray.
     template <class Types, class List, class Meshes, class RayOf>
@@ -122,9 +126,9 @@ struct ProjectedFaces {
         block_sync();
         for (int rank = 0; rank < list.count; ++rank) {
             const ShapeRecord& record = list.at_rank(rank);
-            const int faces = is_mesh<Types>(record) ? wp::index(meshes.num_faces, record.axis_z.w) : 0;
-            if (!projects(record, faces, region))
+            if (!is_mesh<Types>(record) || !projects_mesh(record, meshes, region))
                 continue;
+            const int faces = wp::index(meshes.num_faces, record.axis_z.w);
             if (threadIdx.x == 0)
                 ranks[rank / WARP_SIZE] |= 1u << rank % WARP_SIZE;
             project<Types>(record, rank, faces, meshes, RegionProjection::of<Types>(record, camera, region), ray_of);
@@ -153,15 +157,20 @@ struct ProjectedFaces {
         const float near = projection.near;
         const auto rows = reinterpret_cast<const Float3Int*>(meshes.faces.data) + unsigned(as_int(record.size.z));
         int queued = 0;
+        Float3Int corners[3] {};  // of the lane's next face, which are on their way while the last is looked at
+        const auto fetch = [&](int face) {
+            if (face < faces)
+#pragma unroll
+                for (int k = 0; k < 3; ++k)
+                    corners[k] = load(rows, unsigned(face * FACE_ROWS + k));
+        };
+        fetch(warp * WARP_SIZE + lane);
         for (int first = warp * WARP_SIZE; first < faces; first += THREADS) {
             const int face = first + lane;
             PixelBox box { 0, 0, 0, 0 };
-            if (face < faces) {
-                const Float3Int corners[3] = { load(rows, unsigned(face * FACE_ROWS)),
-                                               load(rows, unsigned(face * FACE_ROWS) + 1),
-                                               load(rows, unsigned(face * FACE_ROWS) + 2) };
+            if (face < faces)
                 box = projection.around(record.origin, corners);
-            }
+            fetch(face + THREADS);
             const int pixels = box.width * box.height;
             for (unsigned many = __ballot_sync(FULL_WARP, pixels > MANY_PIXELS); many; many &= many - 1) {
                 const int from = ctz(many), left = __shfl_sync(FULL_WARP, box.left, from),
@@ -214,5 +223,6 @@ struct ProjectedFaces {
     }
 };
 
-}  // namespace warpcam
 #endif
+
+}  // namespace warpcam

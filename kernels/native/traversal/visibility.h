@@ -276,8 +276,11 @@ WARPCAM_DEVICE void draw_region(ShapeList<CAPACITY>& list, const TraceTarget_& t
             block_sync();
         }
         if constexpr (Types::has(MESH) && LENS == PINHOLE)
-            cull_enclosing_meshes<Types>(list, meshes, rays_of_region(trace_target.camera, trace_target.region),
-                                         thread);
+            cull_enclosing_meshes<Types>(list, meshes, rays_of_region(trace_target.camera, trace_target.region), thread,
+                                         [&](const ShapeRecord& record) {
+                                             return TraceTarget_::PROJECTS
+                                                    && projects_mesh(record, meshes, trace_target.region);
+                                         });
         trace_target.ready();
         sort_by_depth(list, thread, [&](int slot, int rank) { trace_target.note(list, slot, rank); });
         trace_target.face(thread, THREADS);

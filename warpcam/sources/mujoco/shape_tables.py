@@ -143,7 +143,8 @@ class VisualGeomArrays:
         kernels = [kernel_of(self._extras.kinds)]
         if self._held is not None:
             kernels.append(write_limit_impedance)
-        return [*kernels, offset_vertices, *kernels_of(backs=False)] if self._extras.moved else kernels
+        moving = [offset_vertices, *kernels_of(False, self._device)] if self._extras.moved else []
+        return [*kernels, *moving]
 
     def stages(self, meshes: Meshes) -> tuple[Stage, ...]:
         """Return the stages that write the tables and move meshes.

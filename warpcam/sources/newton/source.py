@@ -188,7 +188,8 @@ class NewtonSource:
     def kernels(self) -> list[wp.Kernel]:
         kernels = [write_worlds]
         if self._soft.parts:
-            kernels += kernels_of(not self._visual and all(part.backs for part in self._soft.parts))
+            backs = not self._visual and all(part.backs for part in self._soft.parts)
+            kernels += kernels_of(backs, self.device)
         return [*kernels, offset_vertices] if self._visual else kernels
 
     def stages(self, meshes: types.Meshes) -> tuple[Stage, ...]:
