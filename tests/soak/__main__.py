@@ -30,6 +30,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, help="JSON file for the results")
     options = parser.parse_args(arguments)
     device = wp.get_device(options.device)
+
+    def write(result: soak.Result) -> None:
+        if options.out is not None:
+            options.out.write_text(json.dumps(result.as_dict(), indent=1) + "\n")
+
     with wp.ScopedDevice(device):
         result = soak.run(
             device,
@@ -39,11 +44,11 @@ def main(arguments: list[str] | None = None) -> int:
             renew_every=options.renew_every,
             threads=options.threads,
             worlds=options.worlds,
+            checked=write,
         )
     told = result.as_dict()
     print({name: value for name, value in told.items() if name != "samples"})
-    if options.out is not None:
-        options.out.write_text(json.dumps(told, indent=1) + "\n")
+    write(result)
     grown = [name for name, most in LIMITS.items() if result.growth[name] > most]
     for name in grown:
         print(f"soak: memory grew: {name} by {result.growth[name]:,} bytes, {LIMITS[name]:,} are allowed")

@@ -3,6 +3,7 @@
 import gc
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -102,6 +103,7 @@ def run(
     threads: int = 2,
     worlds: int = 16,
     size: int = 64,
+    checked: Callable[[Result], None] = lambda result: None,
 ) -> Result:
     """Draw until the time is over, or so many frames.
 
@@ -114,6 +116,7 @@ def run(
         threads: That draw worlds of their own meanwhile.
         worlds: Of the renderer that stays.
         size: Of its images [pixels].
+        checked: Called with the result so far after each frame that was compared.
     """
     result = Result(device.name)
     own = Worlds(device, worlds, size)
@@ -125,9 +128,16 @@ def run(
             if time.monotonic() - sampled >= seconds / SAMPLES or result.frames % check_every == 0:
                 sampled = time.monotonic()
                 _sample(device, result)
+            if result.frames % check_every == 0:
+                _weigh(result)
+                checked(result)
+    _weigh(result)
+    return result
+
+
+def _weigh(result: Result) -> None:
     for name in ("host", "held", "taken"):
         result.growth[name] = memory.growth(result.samples, name)
-    return result
 
 
 def _frame(own: Worlds, result: Result, check_every: int, renew_every: int) -> None:
