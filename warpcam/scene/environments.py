@@ -164,7 +164,8 @@ class Environments(WorldArrays):
         """Return Physical with the suns before its lights, and the stage that places them, after ``stage()``."""
         lit = with_suns(physical, self._scene.num_worlds, self._device)
         suns = [(each.direction, each.color, each.sine_squared) if each else NO_SUN for each in self._suns]
-        placed = make_suns(*(np.array(part, np.float32) for part in zip(*suns, strict=True)), self._device)
+        directions, colors, sizes = (np.array(part, np.float32) for part in zip(*suns, strict=True))
+        placed = make_suns(directions, colors, sizes, self._device)
         return lit, bind_suns(physical, placed, self._rows, lit, self._device)
 
     def _for_paths(self) -> Any:

@@ -9,6 +9,10 @@ namespace warpcam {
 // word, and above them how many rays meet nothing.
 constexpr int OPEN_RAYS_SHIFT = 8 * NORMAL_BYTES;
 
+// Least roughness of what rays meet: few rays find highlights of lights by chance, as spots, so highlights are wide there
+// (Kaplanyan and Dachsbacher, "Path Space Regularization for Holistic and Robust Light Transport", 2013).
+constexpr float LEAST_ROUGHNESS_MET = 0.5f;
+
 template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<Types, FLAGS, Scene_> {
     using World_ = LitWorld<Types, FLAGS, Scene_>;
     using World_::scene, World_::hub, World_::world, World_::rows, World_::head, World_::trace, World_::light_of;
@@ -23,6 +27,7 @@ template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<
         }
         PathSurface surface;
         find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, surface);
+        surface.material.roughness = max(surface.material.roughness, LEAST_ROUGHNESS_MET);
         return light_of(pbr_inputs_of(surface.material), surface, hit.shape, -ray.direction);
     }
 

@@ -16,7 +16,7 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 
 // What a ray in the mirror direction meets replaces the sky there, all of it up to SHARP_ROUGHNESS, and none of it from
 // ROUGHEST_MIRROR on, as one ray is no lobe.
-constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
+constexpr float SHARP_ROUGHNESS = 0.5f, ROUGHEST_MIRROR = 0.8f;
 
 template <class Number> WARPCAM_DEVICE Number sharpness(Number roughness)
 {
