@@ -315,7 +315,7 @@ class _Planner:
         rays, mean = paths.plan_reflections(self.tables, self.request, self.device)
         pixels = self.request.width * self.request.height
         arrays += (("glossy", f"{BUFFER}glossy"), ("glossy_share", f"{BUFFER}glossy share"))
-        traced = [
+        traced: list[PlannedPass[Any]] = [
             PlannedPass("reflections", rays, pixels, arrays),
             PlannedPass("reflection filter", mean, pixels, arrays),
         ]
