@@ -1,12 +1,11 @@
 """A page of scenes in the looks "mujoco", "pbr" and "path" side by side: ``python -m warpcam.benchmarks.looks``.
 
-The look "pbr" is there twice: plain, and with ambient occlusion, soft shadows and reflections.
+The look "pbr" is there twice: plain, and with soft shadows, one bounce of light and reflections.
 
 Renders each scene and writes ``images/looks/SCENE.jpg`` and the page ``looks_gallery.md`` into a folder.
 """
 
 import argparse
-import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -26,7 +25,7 @@ from warpcam.sources.common import formats
 WIDTH, HEIGHT = 256, 192
 SAMPLES = 256
 QUALITY = 88  # of JPEG
-RAYS: dict[str, Any] = {"ambient_occlusion": math.inf, "soft_shadows": True, "reflections": True}
+RAYS: dict[str, Any] = {"soft_shadows": True, "indirect_light": True, "reflections": True}
 WITH_RAYS = "pbr with rays"  # name of the column that is drawn with them
 PICTURES, PAGE = Path("images") / "looks", "looks_gallery.md"
 
@@ -94,7 +93,7 @@ def page(
         "",
         f"{how} FLIP is the difference that eyes see when two pictures are swapped, 0 to 1: of `pbr` beside `path`.",
         "",
-        "`pbr` with rays has `ambient_occlusion=math.inf`, `soft_shadows=True` and `reflections=True`.",
+        "`pbr` with rays has `soft_shadows=True`, `indirect_light=True` and `reflections=True`.",
         "",
         "| scene | FLIP, `pbr` | FLIP, `pbr` with rays |",
         "|---|---:|---:|",

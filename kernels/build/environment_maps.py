@@ -14,7 +14,9 @@ LEAST_SIDE, MOST_SIDE, LAST_SIDE = 512, 1024, 16  # of the first level, and of t
 MAX_LEVELS = 8  # MAX_MAP_LEVELS of native/shading/environment_map.h
 SIDE, LEVELS, MIPS = 4, 5, 6  # EnvironmentLayout there: texels, width, height, sums come first
 LOBES = MIPS + MAX_LEVELS
-NUMBERS = LOBES + MAX_LEVELS
+SUN = LOBES + MAX_LEVELS
+NUMBERS = SUN + 5
+NO_SUN = (0.0, 0.0, 1.0, 2.0, 0.0)  # of a layout, from SUN on: direction, cosine, luminance
 HALVE, FILTER = 0, -1  # in place of a number of parts: see build_environment() of native/build/environment_builder.h
 
 
@@ -48,6 +50,7 @@ def lay_out(side: int, start: int) -> tuple[np.ndarray, int]:
     levels = (side // LAST_SIDE).bit_length()
     numbers = np.zeros(NUMBERS - SIDE, np.int32)
     numbers[0], numbers[1] = side, levels
+    numbers[SUN - SIDE :] = np.array(NO_SUN, np.float32).view(np.int32)
     for place, first in ((MIPS, 0), (LOBES, 1)):
         for level in range(first, levels):
             numbers[place - SIDE + level] = start
@@ -56,7 +59,13 @@ def lay_out(side: int, start: int) -> tuple[np.ndarray, int]:
 
 
 def build_environment_maps(
-    source: wp.array, size: tuple[int, int], texels: wp.array, layouts: wp.array, image: int, device: wp.Device
+    source: wp.array,
+    size: tuple[int, int],
+    texels: wp.array,
+    layouts: wp.array,
+    image: int,
+    device: wp.Device,
+    lobes: bool = True,
 ) -> None:
     """Write the maps of one image.
 
@@ -67,6 +76,7 @@ def build_environment_maps(
         layouts: int32, (image * NUMBERS,): where they are.
         image: Its number.
         device: Where the arrays lie.
+        lobes: False writes the mipmaps alone.
     """
     height, width = size
     side = map_side(height)
@@ -75,7 +85,7 @@ def build_environment_maps(
     steps = [
         (0, parts),
         *((level, HALVE) for level in range(1, levels)),
-        *((level, FILTER) for level in range(1, levels)),
+        *((level, FILTER) for level in range(1, levels if lobes else 1)),
     ]
     run(
         [

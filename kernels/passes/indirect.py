@@ -45,7 +45,7 @@ def _filter_kernel(key: IndirectFilterKey, frame_type: Any) -> wp.Kernel:
 @register("indirect rays", needs=("depth", "shape", "face"))
 def bind_rays(planned: PlannedPass[IndirectKey], frame: CameraFrame) -> Stage:
     """Bind the rays, whose light the filter takes: native/occlusion/indirect_rays.h."""
-    return bind_lit_rays(planned, frame, "trace_indirect", "occlusion/indirect_rays.h", "indirect_rays")
+    return bind_lit_rays(planned, frame, "trace_indirect", "occlusion/indirect_rays.h", ("indirect_rays",))
 
 
 @register("indirect filter", needs=("depth", "shape"))

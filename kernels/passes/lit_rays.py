@@ -19,16 +19,16 @@ from warpcam.kernels.types import Background, HeightFields, Materials, Meshes, P
 
 
 @functools.cache
-def _frame_struct(result: str, shape_dtype: Any, face_dtype: Any) -> Any:
-    """Struct of what the trace has found in one camera's images, of the shapes that rays meet, and of the result."""
+def _frame_struct(results: tuple[str, ...], shape_dtype: Any, face_dtype: Any) -> Any:
+    """Struct of what the trace has found in one camera's images, of the shapes that rays meet, and of the results."""
     fields = {
         "horizon": wp.float32,  # see SceneTables
         "overrides": WorldOverrides,
         "backs": wp.int32,  # 1: rays meet meshes from behind, too
         "rows": wp.array2d(dtype=wp.vec4),  # (world, row) the shapes, as PathFrame has them
         "heads": wp.array2d(dtype=wp.int32),
-        result: wp.array(dtype=wp.vec4),  # (pixel,)
     }
+    fields |= dict.fromkeys(results, wp.array(dtype=wp.vec4))  # (pixel,)
     return make_struct("LitRayFrame", fields | visible_fields(shape_dtype, face_dtype))
 
 
@@ -55,7 +55,9 @@ def _kernel(function: str, header: str, key: IndirectKey | ReflectionKey, frame_
     )
 
 
-def bind_lit_rays(planned: PlannedPass[Any], frame: CameraFrame, function: str, header: str, result: str) -> Stage:
+def bind_lit_rays(
+    planned: PlannedPass[Any], frame: CameraFrame, function: str, header: str, results: tuple[str, ...]
+) -> Stage:
     """Bind the rays of one camera's pixels, after its trace and the list of shapes.
 
     Args:
@@ -63,14 +65,14 @@ def bind_lit_rays(planned: PlannedPass[Any], frame: CameraFrame, function: str, 
         frame: The camera's.
         function: Of the header, which does a pixel.
         header: Of the native code.
-        result: Name of the array that is written, vec4, (pixel,).
+        results: Names of the arrays that are written, vec4, (pixel,).
     """
     tables, lists = frame.tables, frame.paths.frame
-    frame_type, seen = frame.visible(planned, functools.partial(_frame_struct, result))
+    frame_type, seen = frame.visible(planned, functools.partial(_frame_struct, results))
     seen.horizon, seen.backs, seen.rows, seen.heads = tables.horizon, int(tables.backs_shade), lists.rows, lists.heads
     if tables.world_overrides is not None:
         seen.overrides = tables.world_overrides
-    frame.fill(planned, seen, (result,))
+    frame.fill(planned, seen, results)
     scene = (tables.shapes, tables.meshes, tables.height_fields, tables.materials, tables.textures)
     arguments = [seen, *scene, tables.physical, tables.background, frame.views]
     return frame.launch(planned, _kernel(function, header, planned.key, frame_type), arguments, THREADS)

@@ -46,6 +46,8 @@ def planned_buffers(
         "visible": lit and bool(shares),
         "indirect rays": request.indirect_light and lit,
         "indirect": request.indirect_light and lit,
+        "glossy": request.reflections and lit,
+        "glossy share": request.reflections and lit,
         "reflections": request.reflections and lit,
         "mirror depth": mirrors,
         "mirror shape": mirrors,
@@ -61,6 +63,8 @@ def planned_buffers(
         "visible": occlusion.pixel_bytes(count),
         "indirect rays": wp.vec4,
         "indirect": wp.vec4,
+        "glossy": wp.vec4,
+        "glossy share": wp.vec4,
         "reflections": wp.vec4,
     }
     chosen = {BUFFER + name: dtypes[name.removeprefix("mirror ")] for name, there in wanted.items() if there}

@@ -316,10 +316,14 @@ class _Planner:
 
     def _reflections(self, arrays: Arrays, listed: bool) -> list[PlannedPass[Any]]:
         """Passes that find what smooth surfaces mirror and what is seen through clear ones; ``listed``: shapes are."""
-        request = self.request
-        key = paths.plan_reflections(self.tables, request, self.device)
-        traced = PlannedPass("reflections", key, request.width * request.height, arrays)
-        return [traced] if listed else [self._path_shapes(), traced]
+        rays, mean = paths.plan_reflections(self.tables, self.request, self.device)
+        pixels = self.request.width * self.request.height
+        arrays += (("glossy", f"{BUFFER}glossy"), ("glossy_share", f"{BUFFER}glossy share"))
+        traced: list[PlannedPass[Any]] = [
+            PlannedPass("reflections", rays, pixels, arrays),
+            PlannedPass("reflection filter", mean, pixels, arrays),
+        ]
+        return traced if listed else [self._path_shapes(), *traced]
 
     def _indirect(self, seen: Arrays) -> list[PlannedPass[Any]]:
         """Passes that find the light that comes from shapes to the surface of each pixel."""

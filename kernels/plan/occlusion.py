@@ -14,6 +14,7 @@ from warpcam.kernels.scene_tables import SceneTables
 
 LIST_THREADS = 1  # for each world: its shapes are listed one after another
 NORMAL_BYTES = 2  # of a pixel before its rays are filtered: native/occlusion/occlusion_rays.h
+AMBIENT_SHARES = 4  # of light from all around: native/shading/light_visibility.h
 NUM_LIGHTS = (1, 2, 4, 8)  # few numbers of lights, so that scenes share kernels; a view has at most MAX_LIGHTS
 
 
@@ -63,10 +64,10 @@ def shares_of(tables: SceneTables, request: ImageRequest) -> ShadingFlag:
 
 
 def num_shares(tables: SceneTables, shares: ShadingFlag) -> int:
-    """Shares of a pixel: of light from all around, and of each light that may count."""
+    """Bytes of a pixel: of light from all around, and of each light that may count."""
     lights = min(tables.num_lights, NUM_LIGHTS[-1])
     rounded = next(count for count in NUM_LIGHTS if count >= lights) if shares & ShadingFlag.SOFT_SHADOWS else 0
-    return rounded + bool(shares & ShadingFlag.AMBIENT_OCCLUSION)
+    return rounded + (AMBIENT_SHARES if shares & ShadingFlag.AMBIENT_OCCLUSION else 0)
 
 
 def traces_occlusion(keys: Iterable[Any]) -> bool:

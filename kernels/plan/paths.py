@@ -79,6 +79,17 @@ class ReflectionKey:
         return 2
 
 
+@dataclass(frozen=True)
+class ReflectionFilterKey:
+    """The kernel of their filter: native/occlusion/reflection_filter.h."""
+
+    lens: Lens
+
+    @property
+    def blocks(self) -> int:
+        return 8
+
+
 def plan_list(tables: SceneTables, request: ImageRequest, device: wp.Device) -> PathListKey:
     return PathListKey(launches.scene_types(tables, device), LENSES[request.lens])
 
@@ -89,10 +100,12 @@ def plan_paths(tables: SceneTables, request: ImageRequest, device: wp.Device) ->
     return PathKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
 
 
-def plan_reflections(tables: SceneTables, request: ImageRequest, device: wp.Device) -> ReflectionKey:
-    """The kernel that traces the reflections of a request."""
-    flags = _flags(tables) | _shadows(tables, request)
-    return ReflectionKey(launches.scene_types(tables, device, appearance=True), LENSES[request.lens], flags)
+def plan_reflections(
+    tables: SceneTables, request: ImageRequest, device: wp.Device
+) -> tuple[ReflectionKey, ReflectionFilterKey]:
+    """The kernels of the reflections of a request: of the rays, and of their filter."""
+    types, lens = launches.scene_types(tables, device, appearance=True), LENSES[request.lens]
+    return ReflectionKey(types, lens, _flags(tables) | _shadows(tables, request)), ReflectionFilterKey(lens)
 
 
 def plan_indirect(

@@ -95,7 +95,9 @@ def _render(
         **{"lens": wc.Pinhole(fovy=60.0), "shadows": not {"rgb", "rgba"}.isdisjoint(outputs), **options},
     )
     scene = wc.from_mujoco_warp(mjm, *scenes.put(mjm, 10), planes_from_behind=backs)
-    environments = wc.Environments(scene, np.ones((4, 8, 3), np.float32)) if sky else None
+    light = np.ones((64, 128, 3), np.float32)
+    light[20, 30] = 1.0e4  # a sun, which is a light
+    environments = wc.Environments(scene, light) if sky else None
     wc.Renderer(scene, [camera], look=look, environments=environments, **(occlusion or {}))
 
 
@@ -242,8 +244,9 @@ def test_of_film(card: list[launch.Stage], folder: Path) -> None:
 @pytest.mark.parametrize("look", ["pbr", "path"])
 def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> None:
     _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
-    names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments")
-    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 2
+    names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments", "suns")
+    found = _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder)
+    assert found == len(names)
 
 
 @pytest.mark.parametrize("lens", [wc.Pinhole(fovy=60.0), wc.Fisheye(fovy=100.0)])
@@ -253,8 +256,8 @@ def test_of_reflections(lens: Any, card: list[launch.Stage], folder: Path) -> No
     _render(
         mjm, ("rgb", "hdr"), look="pbr", occlusion={"reflections": True}, lens=lens, sky=lens.projection == "pinhole"
     )
-    names = ("trace_reflections", "list_path_shapes", "write_images")
-    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 3
+    names = ("trace_reflections", "filter_reflections", "list_path_shapes", "write_images")
+    assert _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder) == 4
 
 
 @pytest.mark.parametrize("occlusion", [{"ambient_occlusion": 1.0}, {"ambient_occlusion": 1.0, "soft_shadows": True}])

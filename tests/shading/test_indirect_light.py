@@ -135,6 +135,27 @@ def worlds_of(device: wp.Device, heights: list[float]) -> wc.Scene:
     return wc.from_mujoco(model, states, device=device)
 
 
+def test_highlights_of_metals_are_no_spots(stage: Usd.Stage, device: wp.Device) -> None:
+    """The floor around a smooth metal ball in the sun is lit evenly, not by the few rays that find its highlight."""
+    matt(stage, "/floor", [(-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0)], ALBEDO)
+    ball = UsdGeom.Sphere.Define(stage, "/ball")
+    ball.CreateRadiusAttr(0.5)
+    UsdGeom.Xformable(ball).AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, 0.5))
+    add_material(stage, "/Looks/ball", diffuseColor=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.1)
+    UsdShade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(UsdShade.Material.Get(stage, "/Looks/ball"))
+    sun = UsdLux.DistantLight.Define(stage, "/sun")
+    sun.CreateIntensityAttr(math.pi)
+    sun.CreateNormalizeAttr(True)
+    UsdGeom.Xformable(sun).AddRotateXYZOp().Set(Gf.Vec3f(40.0, 0.0, 0.0))
+    scene = wc.from_usd(stage, device=device, exposure=0.0)
+    options = {"width": 96, "height": 96, "lens": wc.Orthographic(height=4.0), "position": (0.0, 0.0, 3.0)}
+    camera = wc.Camera("c", outputs=("hdr",), **options)
+    plain, seen = (lit(scene, camera, look="pbr", indirect_light=on) for on in (False, True))
+    x, y = np.meshgrid(*2 * [(np.arange(96) + 0.5) / 24.0 - 2.0])
+    floor = np.hypot(x, y) > 0.6
+    assert (seen - plain)[floor].max() < 0.25 * np.median(plain[floor])
+
+
 @pytest.mark.parametrize(("antialiasing", "reflections"), [(1, False), (4, True), (16, False)])
 def test_worlds_are_drawn_as_alone(device: wp.Device, antialiasing: int, reflections: bool) -> None:
     camera = wc.Camera("c", width=40, height=30, lens=wc.Pinhole(fovy=50.0), position=(0.0, 0.0, 3.0),

@@ -14,7 +14,7 @@ from warpcam.core.errors import WarpcamError
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import bind
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
-from usd_stages import add_mesh
+from usd_stages import add_material, add_mesh
 
 DARK = 0.05  # a colour so dark that light from surface to surface does not count
 BOX = np.array([(-0.4, -0.3, 0.25), (0.4, 0.3, 0.55)])  # corners, above the floor
@@ -126,7 +126,7 @@ def test_light_from_surface_to_surface_brightens_corners(stage: Usd.Stage, devic
 
 
 def test_metal_mirrors_less_of_a_sky_that_is_hidden(stage: Usd.Stage, device: wp.Device) -> None:
-    """A mirror's lobe of a rough metal is hidden as its place is; what is all open loses nothing."""
+    """A rough metal has what is open of the sky, and grey light for the rest; what is all open loses nothing."""
     floor = add_mesh(stage, "/floor", [(-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0)], [(0, 1, 2, 3)])
     bind(floor, stage, diffuseColor=(1.0, 1.0, 1.0), metallic=1.0, roughness=1.0)
     UsdLux.DomeLight.Define(stage, "/sky")
@@ -138,7 +138,39 @@ def test_metal_mirrors_less_of_a_sky_that_is_hidden(stage: Usd.Stage, device: wp
     bare = lit(scene, camera, look="pbr")[0]
     np.testing.assert_allclose(lit(scene, camera, look="pbr", ambient_occlusion=math.inf)[0], bare, rtol=5e-3)
     share = open_share(places(2.4)[24:25, 32:33], BOX, math.inf)[0, 0]
-    assert hidden[24, 32] / bare[24, 32] == pytest.approx(share, abs=0.1)
+    assert share + 0.1 * (1.0 - share) < hidden[24, 32] / bare[24, 32] < share + 0.5 * (1.0 - share)
+
+
+@pytest.mark.parametrize("roughness", [0.35, 0.5, 0.7])
+def test_a_metal_beside_a_wall_is_that_of_paths(stage: Usd.Stage, roughness: float, device: wp.Device) -> None:
+    """It is darker where its lobe looks at the wall than where it looks away, and as bright as paths find it."""
+    floor = add_mesh(stage, "/floor", [(-4, -4, 0), (4, -4, 0), (4, 4, 0), (-4, 4, 0)], [(0, 1, 2, 3)])
+    bind(floor, stage, diffuseColor=(0.9, 0.9, 0.9), metallic=1.0, roughness=roughness)
+    wall = add_mesh(stage, "/wall", [(1, 4, 0), (1, -4, 0), (1, -4, 4), (1, 4, 4)], [(0, 1, 2, 3)])
+    add_material(stage, "/Looks/wall", diffuseColor=(0.4, 0.4, 0.4), roughness=1.0, ior=1.0)
+    UsdShade.MaterialBindingAPI.Apply(wall.GetPrim()).Bind(UsdShade.Material.Get(stage, "/Looks/wall"))
+    UsdLux.DomeLight.Define(stage, "/sky")
+    scene = wc.from_usd(stage, device=device, exposure=0.0)
+    means = []
+    for side in (-1.0, 1.0):  # the camera looks along x at 45 degrees to the floor, towards the wall or away
+        half = math.sqrt(0.5)
+        turn = Gf.Rotation(Gf.Vec3d(0, 0, 1), Gf.Vec3d(side * half, 0, half)).GetQuat()
+        lens, place = wc.Orthographic(height=0.1), (0.5 + 0.3 * side, 0.0, 0.3)
+        camera = wc.Camera(
+            "c",
+            width=16,
+            height=16,
+            lens=lens,
+            position=place,
+            rotation=(turn.GetReal(), *turn.GetImaginary()),
+            outputs=("hdr",),
+        )
+        ways = ({"look": "path", "path": wc.PathOptions(samples=256)}, {"look": "pbr", "ambient_occlusion": math.inf})
+        means.append([lit(scene, camera, **way).mean() for way in ways])
+    (toward, seen_toward), (away, seen_away) = means
+    assert toward < 0.9 * away
+    assert seen_toward == pytest.approx(toward, rel=0.1)
+    assert seen_away == pytest.approx(away, rel=0.1)
 
 
 EDGE = 0.5  # height of the wall's edge [m]

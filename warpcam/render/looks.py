@@ -74,6 +74,7 @@ class Look:
             _tell_of_transmission(self._parts)
         self._arrays: Mapping[str, wp.array] | None = None
         self._environments = self._checked(environments, scene)
+        self._suns: tuple[Stage, ...] = ()  # of the tables that were asked for last
 
     def tables(self, tables: SceneTables) -> SceneTables:
         """The scene's tables as this look takes them."""
@@ -81,7 +82,7 @@ class Look:
 
     def stages(self) -> Sequence[Stage]:
         """Stages at the head of a frame, before those that draw."""
-        return () if self._environments is None else (self._environments.stage(),)
+        return () if self._environments is None else (self._environments.stage(), *self._suns)
 
     def _physical(self, tables: SceneTables) -> SceneTables:
         if self.name == "mujoco" or tables.physical is not None or self._parts.as_physical is None:
@@ -139,6 +140,10 @@ class Look:
             lights.assign(tables.lights)
             lights.headlight = wp.zeros(3, dtype=wp.vec3, device=self._device)
             physical.plain, tables = lights, replace(tables, lights=lights)
+        if self._environments.has_suns() and not self.traces_paths:
+            physical, stage = self._environments.with_suns(physical)
+            self._suns = (stage,)
+            tables = replace(tables, lights=physical.plain, num_lights=tables.num_lights + 1)
         background: Any = Background()
         background.color, background.skybox = wp.vec3(0.0, 0.0, 0.0), -1
         return replace(

@@ -1,7 +1,7 @@
 """Memory that a renderer takes of its device, computed before any of it is allocated."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import warp as wp
@@ -20,6 +20,7 @@ from warpcam.render.looks import Look, LookName
 from warpcam.render.occlusion import occlusion_bytes
 from warpcam.render.paths import list_bytes, path_bytes
 from warpcam.render.scratch_memory import Scratch, image_bytes
+from warpcam.scene.environments import Environments
 from warpcam.scene.scene import Scene
 
 
@@ -66,6 +67,7 @@ def estimate_memory(
     soft_shadows: bool = False,
     indirect_light: bool = False,
     reflections: bool = False,
+    environments: Environments | None = None,
 ) -> Memory:
     """Estimate the memory that ``Renderer`` would allocate on the scene's device for these arguments [bytes].
 
@@ -81,6 +83,7 @@ def estimate_memory(
         soft_shadows: Likewise.
         indirect_light: Likewise.
         reflections: Likewise.
+        environments: Likewise; their own memory is not among what is estimated.
 
     Raises:
         WarpcamError: The cameras are none of this scene, or their images too large. Not where the device has too
@@ -91,6 +94,8 @@ def estimate_memory(
     own.check_display(by_key.values())
     occlusion = own.occlusion(ambient_occlusion, soft_shadows, indirect_light, by_key.values())
     paths, tables, view = own.traces_paths, own.tables(scene.tables()), wp.types.type_size_in_bytes(View)
+    if environments is not None and environments.has_suns() and not paths:
+        tables = replace(tables, num_lights=tables.num_lights + 1)
     for camera in by_key.values():
         check_size(camera, scene.num_worlds, own.reflections)
     plans = {

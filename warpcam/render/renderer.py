@@ -99,7 +99,8 @@ class Renderer(RenderedTensors):
         self._scene, self._device = scene, scene.device
         self._look = Look(look, path, scene, environments, reflections)
         occlusion = self._look.occlusion(ambient_occlusion, soft_shadows, indirect_light, self._cameras.values())
-        self.memory = estimate_memory(scene, cameras, look=look, reflections=reflections, **occlusion.arguments)
+        more = {"look": look, "reflections": reflections, "environments": environments, **occlusion.arguments}
+        self.memory = estimate_memory(scene, cameras, **more)
         require_free(self.memory, scene.device)
         self._graph, self.lock = graph and scene.device.is_cuda, recording_lock(scene.device)
         tables = self._look.tables(scene.tables())

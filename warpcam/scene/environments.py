@@ -14,15 +14,18 @@ from warpcam.core.file_access import Limits
 from warpcam.core.world_arrays import WorldArrays
 from warpcam.kernels.build import environment_maps as maps
 from warpcam.kernels.passes.environments import ROWS, PlacedEnvironments, bind_environments
+from warpcam.kernels.passes.suns import bind_suns, make_suns, with_suns
 from warpcam.kernels.runtime.launch import Stage
 from warpcam.kernels.types import SKY_TERMS, EnvironmentMaps
 from warpcam.scene.scene import Scene
 from warpcam.textures.light_files import read_light
 from warpcam.textures.panorama import sky_of_panorama
+from warpcam.textures.panorama_sun import sun_of_panorama, without_sun
 from warpcam.textures.sky_model import sky_image
 
 # From the axes of sky_of_panorama(), left, up, middle, to those of the kernels: middle, left, up.
 AXES = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+NO_SUN = ((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0.0)  # direction, colour and size
 MOST_TEXELS = 2**31 - 1  # of all images and their maps
 
 
@@ -43,6 +46,8 @@ class Environments(WorldArrays):
             +y is up, (0.5, 0.5, 0.5, 0.5) has the image upright with its middle along +z, as UsdLux has it.
         intensity: Factors of the light, one for all, (3,) for red, green and blue, (world,) or (world, 3).
         limits: Of the sizes of files; None is ``Limits()``.
+        extract_sun: In look="pbr" an image's brightest small part, no wider than 10 degrees, is a distant light of the
+            same irradiance, which casts shadows where cameras have them. False leaves it in the image.
 
     Attributes:
         index: int32 tensor (world,) on the scene's device, as all of these; it is written in place and read at the next
@@ -66,12 +71,15 @@ class Environments(WorldArrays):
         rotation: Any = (1.0, 0.0, 0.0, 0.0),
         intensity: Any = 1.0,
         limits: Limits | None = None,
+        extract_sun: bool = True,
     ):
         where = "Environments"
         if not isinstance(scene, Scene):
             raise WarpcamError(f"{where}: scene must be made by from_usd or the like, got {type(scene).__name__}")
         if not isinstance(limits, Limits | None):
             raise WarpcamError(f"{where}: limits must be a warpcam.Limits or None, got {type(limits).__name__}")
+        if not isinstance(extract_sun, bool | np.bool_):
+            raise WarpcamError(f"{where}: extract_sun must be True or False, got {extract_sun!r}")
         worlds = scene.num_worlds
         several = _several(images)
         light = [_image(each, number, limits) for number, each in enumerate(several)]
@@ -95,10 +103,12 @@ class Environments(WorldArrays):
         ranges = {"intensity": (0.0, math.inf), "index": (-1.0, float(len(light) - 1))}
         super().__init__(where, arrays, worlds, device, ranges)
         self._scene, self._light = scene, light
+        self._suns = [sun_of_panorama(each) if extract_sun else None for each in light]
+        diffuse = [each if sun is None else without_sun(each, sun) for each, sun in zip(light, self._suns, strict=True)]
         placed: Any = PlacedEnvironments()
         for name, array in arrays.items():
             setattr(placed, name, array)
-        placed.terms = wp.array(np.stack([_terms(each) for each in light]), dtype=wp.vec3, device=device)
+        placed.terms = wp.array(np.stack([_terms(each) for each in diffuse]), dtype=wp.vec3, device=device)
         self._rows = wp.zeros((worlds, ROWS), dtype=wp.vec4, device=device)
         self._sky = wp.zeros((worlds, SKY_TERMS + 1), dtype=wp.vec3, device=device)
         self._stage = bind_environments(placed, self._rows, self._sky, device)
@@ -146,6 +156,18 @@ class Environments(WorldArrays):
             self._maps[paths] = self._for_paths() if paths else self._for_real_time()
         return self._maps[paths], self._sky
 
+    def has_suns(self) -> bool:
+        """Whether some image has a sun that is a light of its own in the real-time look."""
+        return any(sun is not None for sun in self._suns)
+
+    def with_suns(self, physical: Any) -> tuple[Any, Stage]:
+        """Return Physical with the suns before its lights, and the stage that places them, after ``stage()``."""
+        lit = with_suns(physical, self._scene.num_worlds, self._device)
+        suns = [(each.direction, each.color, each.sine_squared) if each else NO_SUN for each in self._suns]
+        directions, colors, sizes = (np.array(part, np.float32) for part in zip(*suns, strict=True))
+        placed = make_suns(directions, colors, sizes, self._device)
+        return lit, bind_suns(physical, placed, self._rows, lit, self._device)
+
     def _for_paths(self) -> Any:
         texels, sums, layouts, start, first = [], [], [], 0, 0
         for light in self._light:
@@ -161,16 +183,23 @@ class Environments(WorldArrays):
 
     def _for_real_time(self) -> Any:
         layouts, start = [], 0
-        for light in self._light:
+        for light, sun in zip(self._light, self._suns, strict=True):
             layout = np.zeros(maps.NUMBERS, np.int32)
             layout[maps.SIDE :], start = maps.lay_out(maps.map_side(light.shape[0]), start)
+            if sun is not None:
+                layout[maps.SUN :] = np.array((*sun.direction, sun.cosine, sun.limit), np.float32).view(np.int32)
             layouts.append(layout)
         _check_size(start)
         struct = self._struct(np.zeros((start, 4), np.float32), layouts, np.zeros(0, np.float32))
-        for image, light in enumerate(self._light):
-            source = wp.array(_rows_of_four(light), dtype=wp.vec4, device=self._device)
-            maps.build_environment_maps(source, light.shape[:2], struct.texels, struct.layouts, image, self._device)
+        for image, (light, sun) in enumerate(zip(self._light, self._suns, strict=True)):
+            target = light.shape[:2], struct.texels, struct.layouts, image, self._device
+            if sun is not None:
+                maps.build_environment_maps(self._texels(without_sun(light, sun)), *target)
+            maps.build_environment_maps(self._texels(light), *target, lobes=sun is None)
         return struct
+
+    def _texels(self, light: np.ndarray) -> wp.array:
+        return wp.array(_rows_of_four(light), dtype=wp.vec4, device=self._device)
 
     def _struct(self, texels: np.ndarray, layouts: list[np.ndarray], sums: np.ndarray) -> Any:
         struct: Any = EnvironmentMaps()

@@ -9,6 +9,10 @@ namespace warpcam {
 // word, and above them how many rays meet nothing.
 constexpr int OPEN_RAYS_SHIFT = 8 * NORMAL_BYTES;
 
+// Highlights of lights on what rays meet are as wide as those of this roughness at least: few rays find smaller ones by
+// chance, as spots (Kaplanyan and Dachsbacher, "Path Space Regularization for Holistic and Robust Light Transport", 2013).
+constexpr float LEAST_HIGHLIGHT = 0.5f;
+
 template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<Types, FLAGS, Scene_> {
     using World_ = LitWorld<Types, FLAGS, Scene_>;
     using World_::scene, World_::hub, World_::world, World_::rows, World_::head, World_::trace, World_::light_of;
@@ -23,7 +27,9 @@ template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<
         }
         PathSurface surface;
         find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, surface);
-        return light_of(pbr_inputs_of(surface.material), surface, hit.shape, -ray.direction);
+        PbrInputs<Vec3> inputs = pbr_inputs_of(surface.material);
+        inputs.bsdf.square = max(inputs.bsdf.square, fourth_power(LEAST_HIGHLIGHT));
+        return light_of(inputs, surface, hit.shape, -ray.direction);
     }
 
     // What arrives at a surface of that shape, as a pixel holds it.

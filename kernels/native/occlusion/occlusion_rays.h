@@ -10,11 +10,12 @@
 #include "path/trace_path.h"
 #include "shading/appearance.h"
 #include "shading/environment_map.h"
+#include "shading/light_visibility.h"
 
 namespace warpcam {
 
-// Bytes of a pixel before they are filtered: its normal in the camera's frame, by an octahedral map; then a ShareByte for
-// the light from all around, if it is asked for, and for each light that is kept.
+// Bytes of a pixel before they are filtered: its normal in the camera's frame, by an octahedral map; then share_byte() of
+// AMBIENT_SHARES for the light from all around, if it is asked for, and of one for each light that is kept.
 constexpr int NORMAL_BYTES = 2;
 
 // 2 * 127 * share, and 1 more where it is that of a light without size, whose shadows are sharp.
@@ -71,14 +72,28 @@ template <class Types, class Frame, class Meshes, class HeightFields> struct Occ
                < 0;
     }
 
-    // Of light from all around, what nothing within the radius hides.
-    WARPCAM_DEVICE float ambient() const
+    // Of light from all around, what nothing within the radius hides, and how what is hidden rises along the surface: the
+    // square of a direction's part along an axis there is 1/4 in the mean.
+    WARPCAM_DEVICE void put_ambient(unsigned char* bytes) const
     {
         int open = 0;
+        Vec3 hidden { 0.0f, 0.0f, 0.0f };
 #pragma unroll 1
-        for (int ray = 0; ray < OCCLUSION_RAYS; ++ray)
-            open += is_open(ray_around(from, pattern, ray), min(frame.radius, MAX_RAY_T));
-        return float(open) * (1.0f / OCCLUSION_RAYS);
+        for (int ray = 0; ray < OCCLUSION_RAYS; ++ray) {
+            const Vec3 direction = ray_around(from, pattern, ray);
+            if (is_open(direction, min(frame.radius, MAX_RAY_T)))
+                ++open;
+            else
+                hidden = hidden + direction;
+        }
+        const Vec3 rise = (4.0f / OCCLUSION_RAYS) * (hidden - dot(hidden, from.normal) * from.normal);
+        const auto level_of = [](float v) {
+            return share_byte((1.0f / 127.0f) * (float(LEVEL_BEFORE) + RISE_BEFORE * clamp(v, -1.0f, 1.0f)), false);
+        };
+        bytes[0] = share_byte(float(open) * (1.0f / OCCLUSION_RAYS), false);
+        bytes[1] = level_of(rise.x);
+        bytes[2] = level_of(rise.y);
+        bytes[3] = level_of(rise.z);
     }
 
     // Of a light, along the world's axes.
@@ -145,8 +160,10 @@ WARPCAM_DEVICE void trace_occlusion(const Frame& frame, const Shapes& shapes, co
     unsigned char* bytes = reinterpret_cast<unsigned char*>(frame.rays.data + index);
     put_normal(bytes, transform_transposed(camera.rotation, from.normal));
     bytes += NORMAL_BYTES;
-    if constexpr (AMBIENT)
-        *bytes++ = share_byte(rays.ambient(), false);
+    if constexpr (AMBIENT) {
+        rays.put_ambient(bytes);
+        bytes += AMBIENT_SHARES;
+    }
     if constexpr (LIGHTS) {
         const auto& lights = physical.plain;
         const Camera hub = upright(camera);

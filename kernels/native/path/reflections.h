@@ -1,9 +1,11 @@
 // Mirrors and glass of the real-time look: a ray in the mirror direction of each smooth surface that a pixel shows, and
 // one through each clear one, of the nearest shape that they meet. What they meet is lit as pixels are.
 #pragma once
+#include "occlusion/occlusion_rays.h"
 #include "path/camera_path.h"
 #include "path/dielectric.h"
 #include "path/lit_surface.h"
+#include "path/reflection.h"
 
 namespace warpcam {
 
@@ -11,16 +13,47 @@ constexpr int MAX_SEEN_THROUGH = 8;  // partly transparent surfaces along a ray
 constexpr int MAX_INTERNAL = 4;  // total reflections within a clear body
 constexpr float FAINTEST = 1.0f / 512.0f;  // share of light that a ray is followed for
 
-// What the light of a pixel is multiplied by, and what is added.
+// A pixel's own light is multiplied by `kept`; to that is added `rest`, and `share` of what its rays have `seen`.
 struct PixelMix {
-    Vec3 added;
+    Vec3 seen, share, rest;
     float kept;
+    Vec3 normal;
+    float roughness;  // 0: a mirror, whose neighbours say nothing of it
+};
+
+// Facets of a rough surface, one for each pixel of a block: the lobe is what a block sees (Heitz, "Sampling the GGX
+// Distribution of Visible Normals", 2018). Below MIRROR_ROUGHNESS lobes are no wider than pixels.
+constexpr float MIRROR_ROUGHNESS = 0.1f;
+// Of a pixel before its filter: the normal as put_normal() has it, then its roughness, of 255.
+constexpr int ROUGHNESS_SHIFT = 8 * NORMAL_BYTES;
+
+struct FacetPattern {
+    Float2 at;
+
+    WARPCAM_DEVICE FacetPattern(int column, int row)
+    {
+        RayPattern pattern(column, row);
+        pattern.first /= OCCLUSION_RAYS;
+        at = pattern.point(0);
+    }
+
+    // The normal of a facet; `to_eye` is on its side of the surface.
+    WARPCAM_DEVICE Vec3 facet(Vec3 normal, Vec3 to_eye, float roughness, bool again = false) const
+    {
+        if (!(roughness > MIRROR_ROUGHNESS))
+            return normal;
+        const FrameAxes axes(normal);
+        Vec3 eye = axes.local(to_eye);
+        eye.z = max(eye.z, 1.0e-4f);
+        return axes.world(visible_facet(eye, roughness * roughness, again ? at.y : at.x, again ? at.x : at.y));
+    }
 };
 
 template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWorld<Types, FLAGS, Scene_> {
     using World_ = LitWorld<Types, FLAGS, Scene_>;
     using World_::scene, World_::hub, World_::world, World_::rows, World_::trace, World_::light_of,
         World_::sky_along_ray;
+    FacetPattern pattern;
 
     WARPCAM_DEVICE static Vec3 lerp_to(float share, Vec3 a, Vec3 b) { return a + share * (b - a); }
 
@@ -81,8 +114,10 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
         return sum;
     }
 
-    // The light that comes through a clear body whose surface is met. `around`: from lights, added to the sky.
-    WARPCAM_INLINED Vec3 refracted_light(const PathSurface& entry, int shape, Vec3 to_eye, Vec3 around) const
+    // The light that comes through a clear body whose surface is met. `facet`: its normal there; `around`: from lights,
+    // added to the sky.
+    WARPCAM_INLINED Vec3 refracted_light(const PathSurface& entry, Vec3 facet, int shape, Vec3 to_eye,
+                                         Vec3 around) const
     {
         const float index = refractive_index(entry.material.reflectance), roughness = entry.material.roughness;
         const bool backs = scene.frame.backs != 0;
@@ -92,9 +127,9 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
             return mul(color, light_along(ray, query_from(scene.shapes, shape, -1, backs),
                                           around + sky_along_ray(ray.direction, roughness)));
         float through;
-        const float cosine = dot(entry.normal, to_eye);
+        const float cosine = dot(facet, to_eye);
         fresnel_exact(cosine, 1.0f / index, through);
-        ray.direction = normalized((cosine / index - through) * entry.normal - 1.0f / index * to_eye);
+        ray.direction = normalized((cosine / index - through) * facet - 1.0f / index * to_eye);
         for (int bounce = 0;; ++bounce) {
             const PathHit hit = trace(ray, query_from(scene.shapes, shape, shape, backs));
             if (hit.slot < 0)
@@ -103,16 +138,17 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
             const PathSurface met = surface_at_hit(ray, hit, is_exit);
             if (!is_exit)
                 return mul(color, light_of(pbr_inputs_of(met.material), met, hit.shape, -ray.direction));
-            const float out = dot(met.normal, -ray.direction);
+            const Vec3 border = pattern.facet(met.normal, -ray.direction, roughness, true);
+            const float out = dot(border, -ray.direction);
             const Vec3 facing = met.front ? met.outward : -met.outward;
             fresnel_exact(out, index, through);
             if (through > 0.0f) {  // what is reflected within leaves with the rest
-                const Vec3 direction = normalized((index * out - through) * met.normal + index * ray.direction);
+                const Vec3 direction = normalized((index * out - through) * border + index * ray.direction);
                 return mul(color, light_along({ met.point - met.margin * facing, direction },
                                               query_from(scene.shapes, shape, -1, backs),
                                               around + sky_along_ray(direction, roughness)));
             }
-            const Vec3 direction = mirror_direction(met.normal, -ray.direction);
+            const Vec3 direction = mirror_direction(border, -ray.direction);
             if (bounce == MAX_INTERNAL)
                 return mul(color, around + sky_along_ray(direction, roughness));
             ray = { met.point + met.margin * facing, direction };
@@ -124,8 +160,12 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     {
         const SurfaceMaterial& material = surface.material;
         const Vec3 facing = surface.front ? surface.outward : -surface.outward, none { 0.0f, 0.0f, 0.0f };
-        const Vec3 direction = mirror_direction(surface.normal, to_eye), around = this->ambient_at(surface, shape);
-        const Vec3 beyond = around + sky_along_ray(direction, material.roughness);
+        const Vec3 facet = pattern.facet(surface.normal, to_eye, material.roughness);
+        Vec3 direction = mirror_direction(facet, to_eye);
+        if (material.roughness > MIRROR_ROUGHNESS && dot(direction, facing) < 0.0f)
+            direction = direction - 2.0f * dot(direction, facing) * facing;
+        const Vec3 lobe = lobe_direction(surface.normal, mirror_direction(surface.normal, to_eye), material.roughness);
+        const Vec3 around = this->ambient_at(surface, shape), beyond = around + sky_along_ray(lobe, material.roughness);
         const float sharp = sharpness(material.roughness), clear = surface.transmission;
         Vec3 seen = beyond;
         if (sharp > 0.0f && dot(direction, facing) > 0.0f)
@@ -133,21 +173,22 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
                                query_from(scene.shapes, shape, -1, scene.frame.backs != 0), beyond);
         PbrInputs<Vec3> inputs = pbr_inputs_of(material);
         inputs.bsdf.matt = none;  // facets alone
-        const float cosine = max(dot(surface.normal, to_eye), 1.0e-4f);
+        const float cosine = max(dot(surface.normal, to_eye), 1.0e-4f), part = (1.0f - clear) * inputs.open * sharp;
         const Vec3 replaced =
             environment_brdf(inputs.bsdf, cosine, around + this->sky_on_surface(surface.normal), beyond);
         // what facets reflect to each other comes from the mirror direction, too, so that a mirror keeps all light
-        const Vec3 light = environment_brdf(inputs.bsdf, cosine, seen, seen) - replaced;
-        PixelMix mix { (1.0f - clear) * inputs.open * sharp * light, 1.0f - clear };
+        const Vec3 one { 1.0f, 1.0f, 1.0f }, share = part * environment_brdf(inputs.bsdf, cosine, one, one);
+        const float blur = material.roughness > MIRROR_ROUGHNESS ? material.roughness : 0.0f;
+        PixelMix mix { seen, share, -part * replaced, 1.0f - clear, surface.normal, blur };
         if (clear > 0.0f) {
             const float reflected = border_reflectance(cosine, refractive_index(material.reflectance), is_thin(shape));
             PbrInputs<Vec3> border { {}, material.emission, 0.0f };  // lights' highlights, and what it emits
             set_reflection(border, none, material.roughness, 0.0f, material.reflectance);
             const Vec3 mirrored = lerp_to(sharp, beyond, seen);
-            mix.added = mix.added
-                        + clear
-                              * (light_of(border, surface, shape, to_eye)
-                                 + lerp_to(reflected, refracted_light(surface, shape, to_eye, around), mirrored));
+            mix.seen = mul(share, seen)
+                       + clear * lerp_to(reflected, refracted_light(surface, facet, shape, to_eye, around), mirrored);
+            mix.share = one;
+            mix.rest = mix.rest + clear * light_of(border, surface, shape, to_eye);
         }
         return mix;
     }
@@ -167,7 +208,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     // `shape`: the one that a pixel shows.
     template <int LENS> WARPCAM_INLINED PixelMix mix_of_pixel(int i, int j, int shape) const
     {
-        const PixelMix nothing { { 0.0f, 0.0f, 0.0f }, 1.0f };
+        const PixelMix nothing { {}, {}, {}, 1.0f, { 0.0f, 0.0f, 1.0f }, 0.0f };
         if (!may_mirror(shape) || this->head[FAULTY])
             return nothing;
         const CameraPath from = camera_path<LENS>(this->camera, i, j, 0.5f, 0.5f);
@@ -186,7 +227,7 @@ template <class Types, int FLAGS, class Scene_> struct ReflectionTracer : LitWor
     }
 };
 
-// Writes one pixel's mix.
+// Writes one pixel's mix, for occlusion/reflection_filter.h.
 template <class Types, int LENS, int FLAGS, class Scene_, class Views>
 WARPCAM_INLINED void trace_reflections(const Scene_& scene, const Views& views, int index)
 {
@@ -195,21 +236,29 @@ WARPCAM_INLINED void trace_reflections(const Scene_& scene, const Views& views, 
     const int world = int(unsigned(index) / pixels), pixel = int(unsigned(index) - unsigned(world) * pixels);
     if (!wp::index(frame.mask, world))
         return;
-    const int shape = frame.shape.data[index];
-    PixelMix mix { { 0.0f, 0.0f, 0.0f }, 1.0f };
+    const int shape = frame.shape.data[index], column = pixel % frame.width, row = pixel / frame.width;
+    const Camera camera = load_camera(wp::index(views, world)), hub = upright(camera);
+    PixelMix mix { {}, {}, {}, 1.0f, { 0.0f, 0.0f, 1.0f }, 0.0f };
     if (shape >= 0) {
-        const Camera camera = load_camera(wp::index(views, world)), hub = upright(camera);
-        const ReflectionTracer<Types, FLAGS, Scene_> tracer { {
-            scene,
-            camera,
-            hub,
-            world,
-            reinterpret_cast<const Float3Int*>(wp::address(frame.rows, world, 0)),
-            wp::address(frame.heads, world, 0),
-        } };
-        mix = tracer.template mix_of_pixel<LENS>(pixel % frame.width, pixel / frame.width, shape);
+        const ReflectionTracer<Types, FLAGS, Scene_> tracer {
+            {
+                scene,
+                camera,
+                hub,
+                world,
+                reinterpret_cast<const Float3Int*>(wp::address(frame.rows, world, 0)),
+                wp::address(frame.heads, world, 0),
+            },
+            FacetPattern(column, row),
+        };
+        mix = tracer.template mix_of_pixel<LENS>(column, row, shape);
     }
-    reinterpret_cast<Float3Int*>(frame.reflections.data)[index] = make_float3_int(mix.added, as_int(mix.kept));
+    unsigned char normal[NORMAL_BYTES];
+    put_normal(normal, transform_transposed(camera.rotation, mix.normal));
+    const int surface = normal[0] | normal[1] << 8 | int(255.0f * saturate(mix.roughness) + 0.5f) << ROUGHNESS_SHIFT;
+    reinterpret_cast<Float3Int*>(frame.glossy.data)[index] = make_float3_int(mix.seen, surface);
+    reinterpret_cast<Float3Int*>(frame.glossy_share.data)[index] = make_float3_int(mix.share, as_int(mix.kept));
+    reinterpret_cast<Float3Int*>(frame.reflections.data)[index] = make_float3_int(mix.rest, 0);
 }
 
 }  // namespace warpcam

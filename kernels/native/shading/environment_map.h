@@ -23,7 +23,10 @@ enum EnvironmentLayout {
     ENVIRONMENT_LEVELS,
     ENVIRONMENT_MIPS,
     ENVIRONMENT_LOBES = ENVIRONMENT_MIPS + MAX_MAP_LEVELS,
-    ENVIRONMENT_NUMBERS = ENVIRONMENT_LOBES + MAX_MAP_LEVELS
+    // Bits of floats: the direction towards a sun that is a light of its own, the cosine of the angle around it where
+    // texels hold it, and the luminance that is left of them; the cosine is above 1 where there is none.
+    ENVIRONMENT_SUN = ENVIRONMENT_LOBES + MAX_MAP_LEVELS,
+    ENVIRONMENT_NUMBERS = ENVIRONMENT_SUN + 5
 };
 
 // One world's.
@@ -128,14 +131,26 @@ WARPCAM_DEVICE Vec3 between_levels(const Environment& environment, int first_sta
     return on > 0.0f ? sharp + on * (read(upper) - sharp) : sharp;
 }
 
+// A texel of the first level, along a unit direction in the image's frame, without the sun that is a light of its own.
+WARPCAM_DEVICE Vec3 without_sun(const int* layout, Vec3 d, Vec3 light)
+{
+    const int* const sun = layout + ENVIRONMENT_SUN;
+    const float bright = 0.2126f * light.x + 0.7152f * light.y + 0.0722f * light.z, limit = as_float(sun[4]);
+    if (!(bright > limit) || !(dot(d, { as_float(sun[0]), as_float(sun[1]), as_float(sun[2]) }) >= as_float(sun[3])))
+        return light;
+    return limit / bright * light;
+}
+
 // What a lobe of GGX's facets about `direction`, in the world, sees. `alpha`: the roughness squared.
 WARPCAM_DEVICE Vec3 lobe_of(const Environment& environment, Vec3 direction, float alpha)
 {
     if (!environment.layout)
         return { 0.0f, 0.0f, 0.0f };
     const float level = float(environment.layout[ENVIRONMENT_LEVELS] - 1) + wp::log2(max(alpha, 1.0e-6f));
-    const Float2 place = to_octahedron(environment.local(direction));
-    return mul(environment.gain, between_levels(environment, ENVIRONMENT_MIPS, ENVIRONMENT_LOBES, place, level));
+    const Vec3 local = environment.local(direction);
+    const Float2 place = to_octahedron(local);
+    const Vec3 light = between_levels(environment, ENVIRONMENT_MIPS, ENVIRONMENT_LOBES, place, level);
+    return mul(environment.gain, level < 1.0f ? without_sun(environment.layout, normalized(local), light) : light);
 }
 
 // Light from a direction of any length, over what a pixel covers: to the next ones' it is `right` and `down`. All in the

@@ -11,8 +11,14 @@ enum VisibilityFlag { INDIRECT_LIGHT = 1 << 16, SOFT_SHADOWS = 1 << 18, AMBIENT_
 constexpr int SHARE_FLAGS = SOFT_SHADOWS | AMBIENT_OCCLUSION;
 constexpr int VISIBILITY_FLAGS = HAS_SHADOWS | SHARE_FLAGS | INDIRECT_LIGHT;
 
-// Shares of pixels as occlusion/occlusion_filter.h writes them, of 255: of light from all around if it has one, then of
-// each light that is kept.
+// Of light from all around a pixel has its open share, and how its hidden share rises along the world's axes.
+constexpr int AMBIENT_SHARES = 4;
+// A rise of 0 has this share, of 127 before the filter and of 255 after it, and one of 1 so many more.
+constexpr int LEVEL_BEFORE = 64, LEVEL = 129;
+constexpr float RISE_BEFORE = 63.0f, RISE = 126.5f;
+
+// Shares of pixels as occlusion/occlusion_filter.h writes them, of 255: AMBIENT_SHARES if light from all around has some,
+// then one of each light that is kept.
 template <class Vector> struct PixelShares {
     static constexpr int PIXELS = sizeof(NumberOf<Vector>) / sizeof(float);
     const unsigned char* bytes[PIXELS];
@@ -77,7 +83,7 @@ template <int FLAGS, class Vector> struct Visibility {
     WARPCAM_DEVICE auto reached(int bit) const
     {
         if constexpr ((FLAGS & SOFT_SHADOWS) != 0) {
-            constexpr int FIRST = FLAGS & AMBIENT_OCCLUSION ? 1 : 0;
+            constexpr int FIRST = FLAGS & AMBIENT_OCCLUSION ? AMBIENT_SHARES : 0;
             NumberOf<Vector> share = 1.0f;
             if (bit != 0)
                 share = shares.at(FIRST + ctz(unsigned(bit)));
@@ -91,6 +97,11 @@ template <int FLAGS, class Vector> struct Visibility {
 
     // Of the light from all around.
     WARPCAM_DEVICE NumberOf<Vector> open() const { return shares.at(0); }
+    WARPCAM_DEVICE Vector rise() const
+    {
+        const auto along = [&](int axis) { return (1.0f / RISE) * (255.0f * shares.at(1 + axis) - float(LEVEL)); };
+        return { along(0), along(1), along(2) };
+    }
 };
 
 // That of one pixel.
@@ -109,14 +120,34 @@ WARPCAM_DEVICE Visibility<FLAGS, Vec3> visibility_of(const Frame& frame, size_t 
 
 // The open share with light that goes from surface to surface before it arrives: a fit of Jimenez et al., "Practical
 // Realtime Strategies for Accurate Indirect Occlusion", 2016, equation 11. `albedo`: of the place, and of what is around.
-template <class Vector> WARPCAM_DEVICE Vector open_with_bounces(NumberOf<Vector> open, Vector albedo)
+template <class Number> WARPCAM_DEVICE Number open_with_bounces(Number open, Number albedo)
 {
-    using Number = NumberOf<Vector>;
-    const auto raised = [&](Number c) {
-        const Number a = 2.0404f * c - 0.3324f, b = 0.6417f - 4.7951f * c, rest = 2.7552f * c + 0.6903f;
-        return min(max(((a * open + b) * open + rest) * open, open), 1.0f);
-    };
-    return { raised(albedo.x), raised(albedo.y), raised(albedo.z) };
+    const Number a = 2.0404f * albedo - 0.3324f, b = 0.6417f - 4.7951f * albedo, rest = 2.7552f * albedo + 0.6903f;
+    return min(max(((a * open + b) * open + rest) * open, open), 1.0f);
+}
+template <class Vector> WARPCAM_DEVICE Vector open_to_color(NumberOf<Vector> open, Vector albedo)
+{
+    return { open_with_bounces(open, albedo.x), open_with_bounces(open, albedo.y), open_with_bounces(open, albedo.z) };
+}
+
+// What is around a surface that mirrors it, where its own colour says nothing of it: neither dark nor white.
+constexpr float HIDING_ALBEDO = 0.5f;
+
+// Of the light from all around, what hidden directions send, by the same fit.
+template <class Number> WARPCAM_DEVICE Number hidden_radiance(Number open, float albedo)
+{
+    const Number hidden = max(1.0f - open, 1.0e-3f), around = albedo;
+    return (open_with_bounces(open, around) - open) / hidden;
+}
+
+// The open share of a lobe about a direction. What is hidden is taken to be linear in the direction, by least squares over
+// the cosine-weighted rays of a pixel, as far as they tell it along the surface: first-order visibility (Sloan, Kautz and
+// Snyder, "Precomputed Radiance Transfer", 2002). The wider the lobe, the less of the slope it sees; that of a roughness of
+// 1 has the mean.
+template <class Vector, class Number = NumberOf<Vector>>
+WARPCAM_DEVICE Number lobe_opening(Number open, Vector rise, Vector direction, Number roughness)
+{
+    return saturate(open - (1.0f - roughness * roughness) * dot(rise, direction));
 }
 
 // The open share of the directions about the mirror's (Lagarde and de Rousiers, "Moving Frostbite to Physically Based

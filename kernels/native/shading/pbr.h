@@ -16,7 +16,7 @@ template <class Scene_, class Physical_> PhysicalScene(const Scene_&, const Phys
 
 // What a ray in the mirror direction meets replaces the sky there, all of it up to SHARP_ROUGHNESS, and none of it from
 // ROUGHEST_MIRROR on, as one ray is no lobe.
-constexpr float SHARP_ROUGHNESS = 0.2f, ROUGHEST_MIRROR = 0.5f;
+constexpr float SHARP_ROUGHNESS = 0.5f, ROUGHEST_MIRROR = 0.8f;
 
 template <class Number> WARPCAM_DEVICE Number sharpness(Number roughness)
 {
@@ -70,24 +70,28 @@ WARPCAM_DEVICE Vector physical_light(const PbrInputs<Vector>& inputs, const Ligh
     const Vector even = around + sky_on(list.sky, up);
     const Vector mirrored = around + mirrored_sky<FLAGS>(list.sky, scene, mirror, inputs.bsdf.roughness);
     if constexpr ((FLAGS & INDIRECT_LIGHT) != 0) {
-        const Number open = visibility.indirect.open(), rough = 1.0f - sharpness(inputs.bsdf.roughness);
+        const Number open = visibility.indirect.open();
         Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
-        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)
-            opening = opening + (1.0f - rough) * (1.0f - opening);
+        if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)  // rays find what mirrors show
+            opening = opening + sharpness(inputs.bsdf.roughness) * (1.0f - opening);
         const Vector bounced = visibility.indirect.mean();
+        const Number hidden = (1.0f - opening) / max(1.0f - open, 1.0e-3f);
         return light
                + inputs.open
                      * environment_brdf(inputs.bsdf, eye_cosine, open * even + bounced,
-                                        opening * mirrored + rough * bounced);
+                                        opening * mirrored + hidden * bounced);
     } else if constexpr ((FLAGS & AMBIENT_OCCLUSION) != 0) {
         const Number open = visibility.open();
-        Number opening = specular_opening(open, eye_cosine, inputs.bsdf.roughness);
+        Number opening = lobe_opening(open, visibility.rise(), mirror, inputs.bsdf.roughness);
         if constexpr ((FLAGS & HAS_REFLECTIONS) != 0)  // rays find what hides the sky of mirrors
             opening = opening + sharpness(inputs.bsdf.roughness) * (1.0f - opening);
+        // What hides the sky of a mirror faces the surface, so that light from the other side falls on it.
+        const Vector facing = around + sky_on(list.sky, -mirror);
+        const Vector seen = opening * mirrored + ((1.0f - opening) * hidden_radiance(open, HIDING_ALBEDO)) * facing;
         return light
                + inputs.open
-                     * environment_brdf(inputs.bsdf, eye_cosine, mul(open_with_bounces(open, inputs.bsdf.matt), even),
-                                        opening * mirrored);
+                     * environment_brdf(inputs.bsdf, eye_cosine, mul(open_to_color(open, inputs.bsdf.matt), even),
+                                        seen);
     }
     return light + inputs.open * environment_brdf(inputs.bsdf, eye_cosine, even, mirrored);
 }
