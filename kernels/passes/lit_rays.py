@@ -27,6 +27,8 @@ def _frame_struct(results: tuple[str, ...], shape_dtype: Any, face_dtype: Any) -
         "backs": wp.int32,  # 1: rays meet meshes from behind, too
         "rows": wp.array2d(dtype=wp.vec4),  # (world, row) the shapes, as PathFrame has them
         "heads": wp.array2d(dtype=wp.int32),
+        "face_starts": wp.array(dtype=wp.int32),
+        "faces": wp.array(dtype=wp.int32),
     }
     fields |= dict.fromkeys(results, wp.array(dtype=wp.vec4))  # (pixel,)
     return make_struct("LitRayFrame", fields | visible_fields(shape_dtype, face_dtype))
@@ -70,6 +72,7 @@ def bind_lit_rays(
     tables, lists = frame.tables, frame.paths.frame
     frame_type, seen = frame.visible(planned, functools.partial(_frame_struct, results))
     seen.horizon, seen.backs, seen.rows, seen.heads = tables.horizon, int(tables.backs_shade), lists.rows, lists.heads
+    seen.face_starts, seen.faces = lists.face_starts, lists.faces
     if tables.world_overrides is not None:
         seen.overrides = tables.world_overrides
     frame.fill(planned, seen, results)

@@ -81,20 +81,19 @@ def list_bytes(tables: SceneTables) -> int:
     shapes = _num_shapes(tables)
     vectors, numbers = SHAPE_ROWS * shapes, HEAD + tables.num_lights + shapes + 2
     each = vectors * wp.types.type_size_in_bytes(wp.vec4) + numbers * wp.types.type_size_in_bytes(wp.int32)
-    return tables.num_worlds * each
+    return tables.num_worlds * each + sum(rows.nbytes for rows in _emitting_faces(tables))
 
 
 def path_bytes(tables: SceneTables, pixels: int) -> int:
     """Bytes of what a camera of so many pixels keeps of its paths in all worlds."""
     each = pixels * wp.types.type_size_in_bytes(wp.vec4) + wp.types.type_size_in_bytes(wp.int32)
-    shared = (facet_albedo(), sky_sums(tables)[0], *_emitting_faces(tables))
+    shared = (facet_albedo(), sky_sums(tables)[0])
     return list_bytes(tables) + tables.num_worlds * each + sum(table.nbytes for table in shared)
 
 
 def make_lists(tables: SceneTables, device: wp.Device) -> PathArrays:
     """Allocate the lists of shapes and lights alone, for rays of the real-time look."""
     frame = _lists(tables, device)
-    frame.face_starts = frame.faces = wp.empty(0, dtype=wp.int32, device=device)
     return PathArrays(frame, 0, wp.empty(0, dtype=wp.int32, device=device))
 
 
@@ -103,6 +102,7 @@ def _lists(tables: SceneTables, device: wp.Device) -> Any:
     frame: Any = PathFrame()
     frame.rows = wp.zeros((worlds, SHAPE_ROWS * _num_shapes(tables)), dtype=wp.vec4, device=device)
     frame.heads = wp.zeros((worlds, HEAD + tables.num_lights + _num_shapes(tables)), dtype=wp.int32, device=device)
+    frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
     frame.begun, frame.wanted = (wp.zeros(worlds, dtype=wp.int32, device=device) for _ in range(2))
     return frame
 
@@ -120,7 +120,6 @@ def make_paths(tables: SceneTables, pixels: int, options: PathOptions, more: wp.
     worlds, frame = tables.num_worlds, _lists(tables, device)
     frame.most_bounces = MOST if options.bounces is None else options.bounces
     frame.albedo = wp.array(facet_albedo().ravel(), dtype=wp.float32, device=device)
-    frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
     sums, frame.sky_side = sky_sums(tables)
     frame.sky_sums = wp.array(sums, dtype=wp.float32, device=device)
     frame.seeds = seeds_of(options.seed, "PathOptions", worlds, device)

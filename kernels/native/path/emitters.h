@@ -7,6 +7,13 @@
 
 namespace warpcam {
 
+constexpr float SAME_PLACE = 1.0e-3f;  // part of a distance within which two places are one
+
+WARPCAM_DEVICE float power_heuristic(float own, float other)
+{
+    return own * own / max(own * own + other * other, MIN_NORMAL);
+}
+
 // Whether a shape can be drawn as a light. Frame_::faces: rows of Meshes.faces by mesh, with where each mesh begins.
 template <class Types, class Frame_, class Shapes, class Materials, class Physical>
 WARPCAM_DEVICE bool is_emitter(const Frame_& frame, const Shapes& shapes, const Materials& materials,

@@ -7,13 +7,6 @@
 
 namespace warpcam {
 
-constexpr float SAME_PLACE = 1.0e-3f;  // part of a distance within which two places are one
-
-WARPCAM_DEVICE float power_heuristic(float own, float other)
-{
-    return own * own / max(own * own + other * other, MIN_NORMAL);
-}
-
 // The last place where a path was scattered.
 struct Scattering {
     Vec3 point;
