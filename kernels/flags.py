@@ -132,7 +132,7 @@ class ShadingFlag(IntFlag):
     WRITE_BACK_TRANSPARENT = 1 << 14  # what covers most of a pixel replaces the trace's result there
     GENERAL_PLANES = 1 << 15  # planes are several, end, or are not lit by at most three grey lights; for PLANE_STRIPS
     INDIRECT_LIGHT = 1 << 16  # of PHYSICAL scenes: rays find light from shapes: native/occlusion/indirect_rays.h
-    HAS_REFLECTIONS = 1 << 17  # what surfaces mirror and what is seen through them: native/path/reflections.h
+    HAS_REFLECTIONS = 1 << 17  # what surfaces mirror and what is seen through them: native/occlusion/reflection_rays.h
     # of PHYSICAL scenes: rays tell what share of the light of each light, and of that from all around, reaches a pixel:
     # native/shading/light_visibility.h
     SOFT_SHADOWS = 1 << 18

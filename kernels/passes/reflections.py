@@ -44,8 +44,8 @@ def _filter_kernel(key: ReflectionFilterKey, frame_type: Any) -> wp.Kernel:
 
 @register("reflections", needs=("shape",))
 def bind(planned: PlannedPass[ReflectionKey], frame: CameraFrame) -> Stage:
-    """Bind the rays, whose light the filter takes: native/path/reflections.h."""
-    return bind_lit_rays(planned, frame, "trace_reflections", "path/reflections.h", RESULTS)
+    """Bind the rays, whose light the filter takes: native/occlusion/reflection_rays.h."""
+    return bind_lit_rays(planned, frame, "trace_reflections", "occlusion/reflection_rays.h", RESULTS)
 
 
 @register("reflection filter", needs=("depth", "shape"))

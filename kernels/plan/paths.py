@@ -67,7 +67,7 @@ class IndirectFilterKey:
 
 @dataclass(frozen=True)
 class ReflectionKey:
-    """The kernel that has a thread for each pixel: native/path/reflections.h."""
+    """The kernel that has a thread for each pixel: native/occlusion/reflection_rays.h."""
 
     types: SceneTypes
     lens: Lens

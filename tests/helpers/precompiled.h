@@ -25,9 +25,9 @@
 #include "splats/gaussian_blend.h"
 #include "traversal/visibility.h"
 #include "path/path_tracer.h"
-#include "path/reflections.h"
 #include "occlusion/occluders.h"
 #include "occlusion/occlusion_filter.h"
+#include "occlusion/reflection_filter.h"
 
 // Kernels that call none of these are compiled as Warp compiles others.
 #pragma clang fp contract(off)

@@ -1,7 +1,7 @@
 // What rough surfaces mirror and what is seen through them, as means over pixels of one surface.
 #pragma once
 #include "occlusion/occlusion_filter.h"
-#include "path/reflections.h"
+#include "occlusion/reflection_rays.h"
 
 namespace warpcam {
 

@@ -29,7 +29,7 @@ enum ShadingFlag {
 // Flags of features beyond one layer. MIRROR_VIEW: the view is the one from behind the mirror; HAS_MIRROR: the images
 // hold what is seen from there; HAS_TRANSPARENT: some shapes may be transparent; HAS_HAZE: an infinite plane has a haze
 // over its horizon; HAS_REFLECTIONS: what surfaces mirror and what is seen through them has been traced, as
-// path/reflections.h does it; WRITE_BACK_TRANSPARENT: what covers most of a pixel replaces the trace's result there, so that
+// occlusion/reflection_rays.h does it; WRITE_BACK_TRANSPARENT: what covers most of a pixel replaces the trace's result there, so that
 // edges are smoothed by it.
 enum LayerFact {
     MIRROR_VIEW = 1 << 8,

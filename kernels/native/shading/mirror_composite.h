@@ -28,7 +28,7 @@ WARPCAM_DEVICE void add_mirrored(const Images& images, unsigned at, Vec3& linear
     }
 }
 
-// Puts what a surface mirrors and what is seen through it, as path/reflections.h has it of a pixel, in place of the sky.
+// Puts what a surface mirrors and what is seen through it, as occlusion/reflection_rays.h has it of a pixel, in place of the sky.
 template <int FLAGS, class Scene_>
 WARPCAM_DEVICE void mix_reflections(const Scene_& scene, int world, unsigned at, Vec3& linear, Vec3& display)
 {
