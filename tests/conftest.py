@@ -35,11 +35,11 @@ import pytest
 import warp as wp
 
 gc.disable()  # until all is imported, which stays
-gc.set_threshold(10_000, 10, 10)  # what tests make is small, and what is in circles can wait
 # MuJoCo-Warp asks for a version with each model, and reads a file of a thousand lines for it.
 importlib.metadata.version = functools.cache(importlib.metadata.version)
 wp.config.log_level = wp.LOG_WARNING
 fast_compile.install(ours=True)
+gc.set_threshold(10_000, 10, 10)  # what tests make is small, and what is in circles can wait
 wp.init()
 os.environ.setdefault("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir)
 
