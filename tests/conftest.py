@@ -86,3 +86,11 @@ def stage(tmp_path: Path) -> Any:
     from usd_stages import metric
 
     return metric(usd.Stage.CreateNew(str(tmp_path / "scene.usda")))
+
+
+@pytest.fixture
+def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps of light from all around no larger than small images ask for: those of users take seconds."""
+    from warpcam.kernels.build import environment_maps
+
+    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)

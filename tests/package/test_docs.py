@@ -15,7 +15,6 @@ import torch
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.build import environment_maps
 
 ROOT = Path(__file__).resolve().parents[2]
 WORLDS = 8
@@ -307,10 +306,10 @@ def blocks_of(page: str) -> list[str]:
     return BLOCKS.findall(text)
 
 
+@pytest.mark.usefixtures("small_maps")
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)
     with wp.ScopedDevice("cpu"):
         names: Names = {"wc": wc, "torch": torch, "np": np, **PAGES[page]()}
         try:

@@ -23,13 +23,8 @@ TILTED = (0.7, 0.3, -0.5, 0.2)
 LOOKS = ("pbr", "path")
 OPTIMIZED = os.environ.get("WARPCAM_TESTS") == "optimized"
 USERS_SIDE = environment_maps.LEAST_SIDE
+pytestmark = pytest.mark.usefixtures("small_maps")  # test_environment_maps and `test_beside_paths` have those of users
 SAMPLES, NOISE = (1024, 0.0) if OPTIMIZED else (128, 0.05)  # paths beside the real-time look, and what they add
-
-
-@pytest.fixture(autouse=True)
-def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Maps no larger than these images ask for; test_environment_maps and `test_beside_paths` have those of users."""
-    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)
 
 
 def drawn(scene: wc.Scene, look: Any, environments: Any, samples: int = 16, camera: Any = CAMERA) -> np.ndarray:

@@ -10,7 +10,6 @@ import sky_images
 import warp as wp
 
 import warpcam as wc
-from warpcam.kernels.build import environment_maps
 
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import FOVY, SIZE, add_ball, ball_normals
@@ -81,10 +80,8 @@ def test_colours() -> None:
 
 
 @pytest.mark.parametrize("look", ["pbr", "path"])
-def test_each_world_has_its_sky(
-    stage: Usd.Stage, look: str, device: wp.Device, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)  # a sky has few rows here
+@pytest.mark.usefixtures("small_maps")
+def test_each_world_has_its_sky(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     add_ball(stage, diffuseColor=(1.0, 1.0, 1.0), ior=1.0)
     scene = wc.from_usd(stage, 2, device=device, exposure=0.0)
     suns = np.array((0.3, 0.5, 0.8)), np.array((-0.9, 0.1, 0.4))
