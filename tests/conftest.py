@@ -2,7 +2,9 @@
 
 import contextlib
 import ctypes.util
+import functools
 import gc
+import importlib.metadata
 import os
 import sys
 from collections.abc import Iterator
@@ -10,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 # Workers share the cores. With as many threads in each, images would be cut into smaller regions, for which more
-# kernels are compiled.
+# kernels are compiled; Torch's, NumPy's and Mesa's would wait for each other, busily, for longer than they work.
 if workers := os.environ.get("PYTEST_XDIST_WORKER_COUNT"):
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    os.environ.setdefault("WARPCAM_CPU_THREADS", str(max(1, cores // int(workers))))
+    for name in ("WARPCAM_CPU_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
+        os.environ.setdefault(name, str(max(1, cores // int(workers))))
 # Before anything imports mujoco: its own renderer judges some tests, and works without a display on Mesa. Where it has
 # neither it is told so: what is left of a context that could not be made would fail another test.
 if ctypes.util.find_library("OSMesa"):
@@ -32,8 +35,11 @@ import pytest
 import warp as wp
 
 gc.disable()  # until all is imported, which stays
+# MuJoCo-Warp asks for a version with each model, and reads a file of a thousand lines for it.
+importlib.metadata.version = functools.cache(importlib.metadata.version)
 wp.config.log_level = wp.LOG_WARNING
 fast_compile.install(ours=True)
+gc.set_threshold(10_000, 10, 10)  # what tests make is small, and what is in circles can wait
 wp.init()
 os.environ.setdefault("WARPCAM_TESTS_HEADERS", wp.config.kernel_cache_dir)
 
@@ -80,3 +86,11 @@ def stage(tmp_path: Path) -> Any:
     from usd_stages import metric
 
     return metric(usd.Stage.CreateNew(str(tmp_path / "scene.usda")))
+
+
+@pytest.fixture
+def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Maps of light from all around no larger than small images ask for: those of users take seconds."""
+    from warpcam.kernels.build import environment_maps
+
+    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)

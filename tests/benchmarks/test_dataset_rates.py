@@ -5,7 +5,10 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import fast_compile
 import numpy as np
 import pytest
 import warp as wp
@@ -16,6 +19,16 @@ from warpcam.sources.mujoco import batch_file
 
 SMALL = ["--size", "32x24", "--count", "4", "--worlds", "2", "--workers", "1", "--batches", "1", "--mujoco-count", "2"]
 SMALL += ["--shard-size", "2"]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have programs that are started compile kernels as this one does."""
+
+    def quickly(command: list[str], **options: Any) -> Any:
+        return subprocess.run([command[0], fast_compile.__file__, *command[1:]], **options)
+
+    monkeypatch.setattr(datasets, "subprocess", SimpleNamespace(run=quickly))
 
 
 def test_parts(device: wp.Device, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -60,7 +73,8 @@ def test_the_loop_of_mujoco_s_renderer(tmp_path: Path) -> None:
     )
     task = tmp_path / "task"
     task.write_bytes(pickle.dumps((plan, str(tmp_path / "loop"))))
-    done = subprocess.run([sys.executable, "-c", program, str(task)], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", program, str(task)]
+    done = datasets.subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode and "GL" in done.stderr:
         pytest.skip(f"mujoco.Renderer does not run: {done.stderr.strip().splitlines()[-1]}")
     assert done.returncode == 0, done.stderr

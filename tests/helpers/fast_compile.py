@@ -9,11 +9,14 @@ would lose more time in running slowly than in compiling. So all are in tests of
 programs that a test starts as a user would: Python's own arguments behind this file's name run another one quickly,
 with the kernels of other tests.
 
+Garbage is looked for rarely: doing so takes a third of the time in which a program imports Torch and MuJoCo-Warp.
+
 Headers are precompiled once for all processes, not in each of them, and ours (precompiled.h) with Warp's; a program
 that a test starts with another folder for its kernels takes them from the tests' own (WARPCAM_TESTS_HEADERS).
 """
 
 import fcntl
+import gc
 import hashlib
 import os
 import runpy
@@ -32,6 +35,7 @@ QUICK = f"-O0 -DWARPCAM_QUICK {INSTANTIATED}"
 
 def install(ours: bool = False) -> None:
     """Have simulators compiled so from now on, and warpcam too if ``ours``."""
+    gc.set_threshold(100_000, 100, 100)
     ours = ours and os.environ.get("WARPCAM_TESTS") != "optimized"
     resolve = wp.Module.resolve_options
 

@@ -306,6 +306,7 @@ def blocks_of(page: str) -> list[str]:
     return BLOCKS.findall(text)
 
 
+@pytest.mark.usefixtures("small_maps")
 @pytest.mark.parametrize("page", PAGES)
 def test_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -23,13 +23,8 @@ TILTED = (0.7, 0.3, -0.5, 0.2)
 LOOKS = ("pbr", "path")
 OPTIMIZED = os.environ.get("WARPCAM_TESTS") == "optimized"
 USERS_SIDE = environment_maps.LEAST_SIDE
+pytestmark = pytest.mark.usefixtures("small_maps")  # test_environment_maps and `test_beside_paths` have those of users
 SAMPLES, NOISE = (1024, 0.0) if OPTIMIZED else (128, 0.05)  # paths beside the real-time look, and what they add
-
-
-@pytest.fixture(autouse=True)
-def small_maps(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Maps no larger than these images ask for; `test_beside_paths` and test_environment_maps have those of users."""
-    monkeypatch.setattr(environment_maps, "LEAST_SIDE", 64)
 
 
 def drawn(scene: wc.Scene, look: Any, environments: Any, samples: int = 16, camera: Any = CAMERA) -> np.ndarray:
@@ -240,7 +235,8 @@ def test_beside_paths(
     stage: Usd.Stage, material: dict[str, Any], most: float, device: wp.Device, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The real-time look of a ball."""
-    monkeypatch.setattr(environment_maps, "LEAST_SIDE", USERS_SIDE)
+    sharp = material.get("metallic") == 1.0 and material["roughness"] < 0.5
+    monkeypatch.setattr(environment_maps, "LEAST_SIDE", USERS_SIDE if sharp else 128)
     scene = ball(stage, device, **material)
     environments = wc.Environments(scene, sky_images.image_of(sky_images.bumpy_radiance, 128, 256), rotation=TILTED)
     seen, truth = (drawn(scene, look, environments, SAMPLES)[0][inside(ball_normals()[0])] for look in LOOKS)

@@ -80,6 +80,7 @@ def test_colours() -> None:
 
 
 @pytest.mark.parametrize("look", ["pbr", "path"])
+@pytest.mark.usefixtures("small_maps")
 def test_each_world_has_its_sky(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     add_ball(stage, diffuseColor=(1.0, 1.0, 1.0), ior=1.0)
     scene = wc.from_usd(stage, 2, device=device, exposure=0.0)

@@ -76,6 +76,7 @@ def test_render_maps_tones(scene: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert "tone_mapping is 'reinhard', and the look is 'mujoco'" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("small_maps")
 def test_render_lights_by_an_environment(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A red one turns the background red; what is no such file is told."""
     oiio: Any = pytest.importorskip("OpenImageIO")

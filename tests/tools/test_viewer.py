@@ -120,6 +120,7 @@ def test_a_sensor_of_choice_measures(viewer: Viewer, camera: str) -> None:
     assert (viewer.picture(ViewSelection("depth", camera, 0), eye(1.5)) == truth).all()
 
 
+@pytest.mark.usefixtures("small_maps")
 def test_environments(simulated: Any, device: wp.Device) -> None:
     """They are seen in the looks that they light, and MuJoCo's is as without."""
     scene = wc.from_mujoco(*simulated, device=device)
