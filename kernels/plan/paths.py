@@ -37,7 +37,7 @@ class PathKey:
     @property
     def blocks(self) -> int:
         """Likewise; a path's surfaces, lights and reflection need many registers."""
-        return 2
+        return 10
 
 
 @dataclass(frozen=True)

@@ -173,6 +173,7 @@ class FrameGraph:
                 for stage in itertools.chain(*chains):
                     self._launch(stage, stream)
         self._wait(stream)
+        self._waiting.clear()  # the next frame's late stages are others, of a capture perhaps
 
     def _launch_late(self, stream: wp.Stream | None) -> None:
         if stream is not None and self._late_stream is not None:

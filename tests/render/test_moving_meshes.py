@@ -109,6 +109,21 @@ def test_every_chain_waits_for_trees_by_itself_and_every_frame_in_the_end(log: l
         assert log.count(("wait", "main", done)) == 1
 
 
+@pytest.mark.parametrize("chains", [[[TRACE, SHADOW]], [[TRACE, SHADING], [TRACE, SHADOW]], [[WALK]], [[TRACE]]])
+def test_streams_wait_for_what_the_same_frame_has_recorded(chains: Any, log: list[Any]) -> None:
+    """Else a frame that is captured would wait for work that is not, which CUDA refuses."""
+    frame = frame_of(log, True, *chains)
+    for _ in range(3):
+        log.clear()
+        frame.launch(FakeStream("main", log))  # type: ignore[arg-type]
+        recorded = set()
+        for entry in log:
+            if entry[0] == "record":
+                recorded.add(entry[2])
+            elif entry[0] == "wait":
+                assert entry[2] in recorded
+
+
 def test_a_frame_ends_with_all_of_its_streams(log: list[Any]) -> None:
     late = [FakeStage("trees", log)]
     frame = FrameGraph([[[FakeStage("trace", log, MeshReads.FACES)]]], GPU, late)  # type: ignore[list-item, arg-type]

@@ -248,7 +248,7 @@ def test_a_light_without_size_has_its_sharp_shadow(device: wp.Device, antialiasi
                        outputs=("hdr",), shadows=True, antialiasing=antialiasing)  # fmt: skip
     sharp, soft = lit(scene, camera, look="pbr")[0], lit(scene, camera, look="pbr", soft_shadows=True)[0]
     unlike = np.abs(sharp - soft) > 0.01 * sharp.max()
-    assert unlike.mean() < 0.002  # where a ray touches an edge
+    assert unlike.mean() < 0.005  # where a ray touches an edge
     assert np.ptp(sharp) > 0.1
 
 
