@@ -243,7 +243,8 @@ def test_of_film(card: list[launch.Stage], folder: Path) -> None:
 
 @pytest.mark.parametrize("look", ["pbr", "path"])
 def test_of_environments(look: str, card: list[launch.Stage], folder: Path) -> None:
-    _render(scenes.compile_xml(FEW + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
+    more = '<geom type="mesh" mesh="wedge" pos="0 0 1"/><geom size=".2" rgba="1 1 1 .5"/>' if look == "path" else ""
+    _render(scenes.compile_xml(FEW + more + LIGHTS, assets=ASSETS), ("rgba", "depth"), look=look, sky=True)
     names = ("trace_paths", "environments") if look == "path" else ("write_images", "environments", "suns")
     found = _compile([stage for stage in card if any(name in stage.module.name for name in names)], folder)
     assert found == len(names)

@@ -136,6 +136,36 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
         return found;
     }
 
+    // The share of a drawn light that arrives at the start of its ray, times what a shape that shines emits. What is partly
+    // transparent holds it up by chance. `query`: of the path there.
+    WARPCAM_INLINED Vec3 arriving(const LightRay& drawn, Vec3 start, float margin, PathQuery query)
+    {
+        const Vec3 all { 1.0f, 1.0f, 1.0f }, none { 0.0f, 0.0f, 0.0f };
+        if (!drawn.held_up)
+            return all;
+        const bool is_shape = drawn.emitter >= 0;
+        PathRay ray { start, drawn.direction };
+        query.far = is_shape ? drawn.far * (1.0f + SAME_PLACE) + margin : drawn.far;
+        query.any = !is_shape && !(FLAGS & HAS_TRANSPARENT);
+        float left = drawn.far * (1.0f - SAME_PLACE) - margin;
+        while (true) {
+            const PathHit hit = trace(ray, query);
+            if (hit.slot < 0)
+                return is_shape ? none : all;
+            const bool there = is_shape && hit.shape == drawn.emitter && hit.t >= left;
+            if (!there && !(FLAGS & HAS_TRANSPARENT))
+                return none;
+            PathSurface met;
+            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, false, met);
+            if (there)
+                return met.alpha * met.material.emission;
+            if (random.next().x < met.alpha)
+                return none;
+            left -= hit.t + met.margin;
+            go_through(met, hit, ray, query);
+        }
+    }
+
     // Light from all around, with what lights give to it.
     WARPCAM_INLINED Vec3 sky(Vec3 direction) const
     {

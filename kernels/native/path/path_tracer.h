@@ -14,7 +14,8 @@ constexpr float MOST_LIKELY = 0.95f;  // to go on
 
 template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<Types, FLAGS, Scene_> {
     using Lights_ = PathLights<Types, FLAGS, Scene_>;
-    using Lights_::convex_of, Lights_::drawn_light, Lights_::go_through, Lights_::met_lamps, Lights_::trace;
+    using Lights_::arriving, Lights_::convex_of, Lights_::drawn_light, Lights_::go_through, Lights_::met_lamps,
+        Lights_::trace;
     using Lights_::scene, Lights_::camera, Lights_::hub, Lights_::world, Lights_::rows, Lights_::head, Lights_::random;
     using Lights_::sky, Lights_::weight_of_met, Lights_::weight_of_sky, Lights_::IMAGE;
 
@@ -64,14 +65,6 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         Scattering last;
         float travelled;
         int bounce;
-        // A ray to a light, from where the path then goes on.
-        bool to_light;
-        bool ends;  // it does not go on
-        int emitter;  // LightRay
-        float left;  // [m] to the shape that shines
-        Vec3 arriving;  // its light
-        Vec3 start, next;  // whence and in which direction the path goes on
-        int leaves;  // PathQuery::convex there
     };
 
     template <int LENS> WARPCAM_INLINED void begin(int i, int j, Path& path)
@@ -82,16 +75,7 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         path.throughput = { 1.0f, 1.0f, 1.0f };
     }
 
-    // Where the path goes on after a ray to a light; false if it does not.
-    WARPCAM_INLINED bool turn(Path& path) const
-    {
-        path.to_light = false;
-        path.ray = { path.start, path.next };
-        path.query = { MAX_RAY_T, false, scene.frame.backs != 0, false, path.leaves, path.query.inside };
-        return !path.ends;
-    }
-
-    // One ray on: to the next surface, or to a light. False where the path ends, with its radiance in `sum`.
+    // To the next surface, and its light; false where the path ends, with its radiance in `sum`.
     template <int LENS> WARPCAM_INLINED bool go_on(int i, int j, Path& path)
     {
         PathRay& ray = path.ray;
@@ -101,24 +85,6 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         PathHit hit { query.far, -1, -1, -1 };
         if (!(head[FAULTY] || path.blind))
             hit = trace(ray, query);
-        const bool at_emitter = path.to_light && path.emitter >= 0 && hit.shape == path.emitter && hit.t >= path.left;
-        PathSurface surface;
-        const bool inside = !path.to_light && hit.shape == query.inside;
-        if (hit.slot >= 0 && (!path.to_light || at_emitter || (FLAGS & HAS_TRANSPARENT)))
-            find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
-        if (path.to_light) {
-            if (hit.slot < 0) {
-                if (path.emitter < 0)
-                    path.sum = path.sum + path.arriving;
-            } else if (at_emitter) {
-                path.sum = path.sum + surface.alpha * mul(path.arriving, surface.material.emission);
-            } else if ((FLAGS & HAS_TRANSPARENT) && random.next().x >= surface.alpha) {
-                path.left -= hit.t + surface.margin;
-                go_through(surface, hit, ray, query);
-                return true;
-            }
-            return turn(path);
-        }
         if (path.bounce > 0)
             path.sum = path.sum + met_lamps(last, ray.direction, hit.slot < 0 ? MAX_RAY_T : path.travelled + hit.t);
         if (hit.slot < 0) {
@@ -127,6 +93,9 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
             path.sum = path.sum + mul(throughput, light);
             return false;
         }
+        PathSurface surface;
+        const bool inside = hit.shape == query.inside;
+        find_path_surface<Types, FLAGS>(scene, hub, world, ray, hit, rows, inside, surface);
         path.travelled += hit.t;
         if ((FLAGS & HAS_TRANSPARENT) && surface.alpha < 1.0f && random.next().x >= surface.alpha) {
             go_through(surface, hit, ray, query);
@@ -160,29 +129,15 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
         const Reflector reflector(material.color, material.roughness, material.metallic, material.reflectance,
                                   AlbedoTable { scene.frame.albedo.data });
         const float share = reflector.facet_share(dot(surface.normal, to_eye));
-        const LightRay drawn_ray = drawn_light(surface, reflector, to_eye, share);
-        const Vec3 light = mul(throughput, drawn_ray.light);
-        path.to_light = drawn_ray.shines() && drawn_ray.held_up;
-        if (drawn_ray.shines() && !path.to_light)
-            path.sum = path.sum + light;
-        path.ends = !reflect(surface, reflector, to_eye, facing, share, path);
-        path.start = surface.point + surface.margin * facing;
-        path.leaves = convex_of(hit.shape);
+        const LightRay to_light = drawn_light(surface, reflector, to_eye, share);
+        const Vec3 light = mul(throughput, to_light.light);
+        query = { MAX_RAY_T, false, scene.frame.backs != 0, false, convex_of(hit.shape), query.inside };
+        ray.point = surface.point + surface.margin * facing;
+        const bool goes_on = reflect(surface, reflector, to_eye, facing, share, path);
+        if (to_light.shines())  // looked for when the surface is done with
+            path.sum = path.sum + mul(light, arriving(to_light, ray.point, surface.margin, query));
         path.travelled = 0.0f;
-        if (!path.to_light)
-            return turn(path);
-        const bool is_shape = drawn_ray.emitter >= 0;
-        path.arriving = light;
-        path.emitter = drawn_ray.emitter;
-        path.left = drawn_ray.far * (1.0f - SAME_PLACE) - surface.margin;
-        ray = { path.start, drawn_ray.direction };
-        query = { is_shape ? drawn_ray.far * (1.0f + SAME_PLACE) + surface.margin : drawn_ray.far,
-                  !is_shape && !(FLAGS & HAS_TRANSPARENT),
-                  scene.frame.backs != 0,
-                  false,
-                  path.leaves,
-                  query.inside };
-        return true;
+        return goes_on;
     }
 
     // Draws the direction in which the path goes on; false where it ends.
@@ -190,12 +145,14 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
                                  float share, Path& path)
     {
         const Random4 drawn = random.next();
-        path.next = normalized(reflector.sample(FrameAxes(surface.normal), to_eye, share, drawn.x, drawn.y, drawn.z));
-        const float density = reflector.density(surface.normal, to_eye, path.next, share);
-        if (!(density > 0.0f && dot(facing, path.next) > 0.0f))
+        const Vec3 direction =
+            normalized(reflector.sample(FrameAxes(surface.normal), to_eye, share, drawn.x, drawn.y, drawn.z));
+        path.ray.direction = direction;
+        const float density = reflector.density(surface.normal, to_eye, direction, share);
+        if (!(density > 0.0f && dot(facing, direction) > 0.0f))
             return false;
-        const ReflectedParts parts = reflector.value(surface.normal, to_eye, path.next);
-        const float rate = dot(surface.normal, path.next) / density;
+        const ReflectedParts parts = reflector.value(surface.normal, to_eye, direction);
+        const float rate = dot(surface.normal, direction) / density;
         Vec3& throughput = path.throughput;
         Scattering& last = path.last;
         last = { surface.point, { mul(throughput, rate * parts.matt), mul(throughput, rate * parts.gloss) }, density };
@@ -227,6 +184,19 @@ template <class Types, int FLAGS, class Scene_> struct PathTracer : PathLights<T
     }
 };
 
+// The pixel that a thread of a world's image has: threads of a CUDA warp have a tile of 8x4, where images consist of these,
+// as paths of near pixels meet the same shapes for longer.
+WARPCAM_DEVICE int path_pixel(int thread, int width, int height)
+{
+#if defined(__CUDA_ARCH__)
+    if (width % 8 == 0 && height % 4 == 0) {
+        const int tile = thread / 32, lane = thread % 32, across = width / 8;
+        return (tile / across * 4 + lane / 8) * width + tile % across * 8 + lane % 8;
+    }
+#endif
+    return thread;
+}
+
 // Adds paths to one pixel, and writes its means.
 template <class Types, int LENS, int FLAGS, class Scene_, class Views>
 WARPCAM_INLINED void trace_paths(const Scene_& scene, const Views& views, int index)
@@ -234,10 +204,12 @@ WARPCAM_INLINED void trace_paths(const Scene_& scene, const Views& views, int in
     const auto& frame = scene.frame;
     const auto& images = scene.images;
     const unsigned pixels = unsigned(frame.width * frame.height);
-    const int world = int(unsigned(index) / pixels), pixel = int(unsigned(index) - unsigned(world) * pixels);
+    const int world = int(unsigned(index) / pixels), begin = int(unsigned(world) * pixels);
     if (!wp::index(frame.mask, world))
         return;
+    const int pixel = path_pixel(index - begin, frame.width, frame.height);
     const int j = pixel / frame.width, i = pixel - j * frame.width;
+    index = begin + pixel;
     const Camera camera = load_camera(wp::index(views, world));
     PathTracer<Types, FLAGS, Scene_> tracer { {
         scene,
