@@ -28,7 +28,7 @@ from warpcam.sources.mujoco import model as mujoco_model
 
 ARCH = 90
 # Bytes of a thread's stack. Called, not inlined, a function that gets the scene would copy 6,000 bytes of it there.
-MOST_STACK = 2048
+MOST_STACK = 1024
 ASSETS = """
   <texture name="checks" type="2d" builtin="checker" width="64" height="64" rgb1=".1 .2 .3" rgb2=".9 .8 .3"/>
   <texture name="cube" type="cube" builtin="gradient" width="32" height="32" rgb1="1 0 0" rgb2="0 1 .5" mark="edge"/>
