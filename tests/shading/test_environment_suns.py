@@ -36,16 +36,28 @@ def sky_with_sun(toward: Any = TOWARD, angle: float = 2.0, sky: float = SKY, hei
     return image
 
 
+def light_of(image: np.ndarray) -> np.ndarray:
+    """Over pi, (3,)."""
+    return (image * sky_images.angles(*image.shape[:2])[..., None]).sum(axis=(0, 1)) / np.pi
+
+
 def test_a_disk_is_found() -> None:
     image = sky_with_sun()
     sun = sun_of_panorama(image)
     np.testing.assert_allclose(sun.direction, TOWARD, atol=2e-3)
     left = without_sun(image, sun)
     assert left.max() < 5.0 * SKY
-    kept = (left * sky_images.angles(256, 512)[..., None]).sum(axis=(0, 1)) / np.pi
-    whole = (image * sky_images.angles(256, 512)[..., None]).sum(axis=(0, 1)) / np.pi
-    np.testing.assert_allclose(sun.color + kept, whole, rtol=1e-4)
+    np.testing.assert_allclose(sun.color + light_of(left), light_of(image), rtol=1e-4)
     assert np.degrees(np.arcsin(np.sqrt(sun.sine_squared))) == pytest.approx(2.0, rel=0.05)
+
+
+def test_light_beside_a_sun_is_kept() -> None:
+    """What is as bright 7 degrees beside it is taken out with it."""
+    side = np.cross(TOWARD, (0.0, 0.0, 1.0))
+    beside = np.cos(np.radians(7.0)) * TOWARD + np.sin(np.radians(7.0)) * side / np.linalg.norm(side)
+    image = sky_with_sun() + 0.08 * (sky_with_sun(beside, 1.0) - SKY)
+    sun = sun_of_panorama(image)
+    np.testing.assert_allclose(sun.color + light_of(without_sun(image, sun)), light_of(image), rtol=1e-4)
 
 
 @pytest.mark.parametrize("toward", [(0.0, 0.0, 1.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)])

@@ -11,6 +11,7 @@ from path_scenes import inside
 
 import warpcam as wc
 from warpcam.kernels.build import environment_maps
+from warpcam.textures.panorama import sky_of_panorama
 
 pytest.importorskip("pxr.Usd")
 from pbr_scenes import FOVY, SIZE, add_ball, add_sun, ball_normals
@@ -68,6 +69,14 @@ def test_irradiance(stage: Usd.Stage, look: str, device: wp.Device) -> None:
     else:
         np.testing.assert_allclose(seen[middle].mean(axis=0), truth[middle].mean(axis=0), rtol=3e-3)
         assert np.abs(seen[middle] / truth[middle] - 1.0).mean() < 0.08
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 5])
+def test_even_light_of_few_columns(width: int) -> None:
+    """A surface gets the same from all around however few columns an image has."""
+    terms = sky_of_panorama(np.ones((2, width, 3), np.float32), np.eye(3))
+    assert terms[0, 0] > 0.5
+    np.testing.assert_allclose(terms[1:] / terms[0], 0.0, atol=2e-3)
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -81,7 +81,9 @@ class Labels:
             self._bind(scene.tables())
 
     def read(self, worlds: Any = None) -> Mapping[str | int, CameraLabels]:
-        """Label the images of the last ``render()``, with the scene's poses as they are now.
+        """Label the images of the last ``render()``.
+
+        Poses are not fetched anew, so call it before the simulation goes on.
 
         On CUDA the work is queued, in order with what torch's and Warp's current streams hold, and nothing waits for
         it. Inside a capture it becomes part of the captured graph, for whose replays the labels must be kept alive.

@@ -4,7 +4,7 @@ import numpy as np
 
 from warpcam.core.color import srgb_to_linear
 
-MIN_ROWS = 128  # that an image is cut into
+MIN_ROWS, MIN_COLUMNS = 128, 256  # that an image is cut into
 # Spherical harmonics of order 2 as native/shading/environment.h has them: the squares of what norms each term.
 NORMS = np.array((1.0, 3.0, 3.0, 3.0, 15.0, 15.0, 1.25, 15.0, 3.75)) / (4.0 * np.pi)
 LINEAR = srgb_to_linear(np.arange(256) / 255.0)
@@ -23,9 +23,11 @@ def sky_of_panorama(pixels: np.ndarray, turn: np.ndarray) -> np.ndarray:
         turn: (3, 3), rotation from the dome's axes to the world's.
     """
     height, width = pixels.shape[:2]
-    longitude = 2.0 * np.pi * (0.5 - (np.arange(width) + 0.5) / width)
+    pieces = -(-MIN_COLUMNS // width)  # of a column
+    longitude = 2.0 * np.pi * (0.5 - (np.arange(width * pieces) + 0.5) / (width * pieces))
     s, c = np.sin(longitude), np.cos(longitude)
-    waves = np.stack((np.ones(width), s, c, s * s, s * c, c * c)) * 2.0 * np.pi / width
+    waves = np.stack((np.ones_like(s), s, c, s * s, s * c, c * c)) * 2.0 * np.pi / len(s)
+    waves = waves.reshape(len(waves), width, pieces).sum(axis=2)
     rows = np.concatenate([waves @ _light(pixels[row])[None] for row in range(height)])  # one at a time: they are large
     parts = -(-MIN_ROWS // height)
     rows = np.repeat(rows, parts, axis=0)

@@ -54,14 +54,17 @@ def sun_of_panorama(light: np.ndarray) -> PanoramaSun | None:
     if not flux > max(LEAST_SHARE * rest, 0.0) or (excess * ring).sum() > MOST_BESIDE * flux:
         return None
     toward = np.einsum("hw,hwc->c", excess * near, directions)
-    colors = light[rows] * (excess * near / np.maximum(seen, 1e-30))[..., None]
+    toward /= np.linalg.norm(toward)
+    cosine = math.cos(2.0 * MOST_ANGLE)
+    taken = excess * (directions @ toward >= cosine)  # as without_sun() takes it: what lies beside the sun, too
+    colors = light[rows] * (taken / np.maximum(seen, 1e-30))[..., None]
     squares = float((excess * near * np.maximum(seen - limit, 0.0)).sum())
     return PanoramaSun(
-        direction=toward / np.linalg.norm(toward),
+        direction=toward,
         color=colors.sum(axis=(0, 1)) / np.pi,
         sine_squared=min(flux * flux / squares / np.pi, math.sin(MOST_ANGLE) ** 2),
         limit=limit,
-        cosine=math.cos(2.0 * MOST_ANGLE),
+        cosine=cosine,
     )
 
 
