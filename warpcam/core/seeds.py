@@ -15,7 +15,8 @@ def seeds_of(seed: Any, where: str, num_worlds: int, device: wp.Device) -> wp.ar
     Raises:
         WarpcamError: It is neither; the text begins with ``where``.
     """
-    name, allowed = f"{where}: seed", f"a whole number of 32 bits, or one for each world, ({num_worlds},)"
+    name = f"{where}: seed"
+    allowed = f"a whole number of 32 bits, -2^31 to 2^31 - 1, or one for each world, ({num_worlds},)"
     numbers = as_numbers(seed, name, allowed)
     whole = numbers.dtype.kind in "iu" and numbers.shape in ((), (num_worlds,))
     if not whole or (numbers < -(2**31)).any() or (numbers >= 2**31).any():
