@@ -144,7 +144,7 @@ class Materials:
     """Materials of surfaces. MuJoCo's material, which other sources are translated to."""
 
     color: wp.array2d(dtype=wp.vec4)  # (world*, material) RGBA
-    emission: wp.array2d(dtype=wp.float32)  # (world*, material)
+    emission: wp.array2d(dtype=wp.float32)  # (world*, material) factor of the surface's own colour
     specular: wp.array2d(dtype=wp.float32)  # (world*, material)
     shininess: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]; the exponent is 128 times it
     # (world*, material, role) index into Textures or -1; physically based scenes have NUM_ROLES, others 2
@@ -219,7 +219,7 @@ class Physical:
     metallic: wp.array2d(dtype=wp.float32)  # (world*, material) in [0, 1]
     # (world*, material) of what is no metal, for light that falls straight; below 0: UNLIT
     reflectance: wp.array2d(dtype=wp.float32)
-    emissive: wp.array2d(dtype=wp.vec3)  # (world*, material) linear
+    emissive: wp.array2d(dtype=wp.vec3)  # (world*, material) linear, added to what Materials.emission gives
     # (world*, material) share of what is not reflected that goes through, as in glass; only paths of light follow it
     transmission: wp.array2d(dtype=wp.float32)
     forms: wp.array2d(dtype=wp.int32)  # (world*, light) one of the forms above

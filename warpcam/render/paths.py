@@ -61,11 +61,8 @@ def _emitting_faces(tables: SceneTables) -> tuple[np.ndarray, np.ndarray]:
     """
     none = np.zeros(0, np.int32)
     meshes = tables.meshes
-    if (
-        MESH not in tables.shape_types
-        or not tables.physical.emissive.size
-        or not tables.physical.emissive.numpy().any()
-    ):
+    emissions = (tables.physical.emissive, tables.materials.emission)
+    if MESH not in tables.shape_types or not any(array.size and array.numpy().any() for array in emissions):
         return none, none
     first = meshes.faces.numpy().reshape(-1, 3, 4)[:, 0, 3].view(np.int32)
     starts = meshes.face_start.numpy() // 3

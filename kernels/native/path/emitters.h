@@ -23,7 +23,7 @@ WARPCAM_DEVICE bool is_emitter(const Frame_& frame, const Shapes& shapes, const 
     if (material < 0 || per_world(physical.reflectance, world, material) < 0.0f)
         return false;
     const Vec3 emission = as_vec3(per_world(physical.emissive, world, material));
-    if (!(emission.x + emission.y + emission.z > 0.0f))
+    if (!(emission.x + emission.y + emission.z + per_world(materials.emission, world, material) > 0.0f))
         return false;
     const int type = wp::index(shapes.types, id), asset = per_world(shapes.assets, world, id);
     if (Types::has(MESH) && type == MESH)

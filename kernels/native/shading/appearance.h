@@ -64,6 +64,7 @@ struct PbrMaterial {
     Float3Int gloss;  // x: roughness, y: metallic, z: reflectance of what is no metal; w: packed texture or -1
     Float3Int emission;  // RGB, linear; w: texture or -1
     int normals;  // texture or -1
+    float glow;  // factor of the surface's own colour that it emits besides
 };
 
 // Layout of a texture on a shape.
@@ -150,6 +151,7 @@ WARPCAM_DEVICE PbrMaterial load_pbr_material(const Shapes& shapes, const Materia
     pbr.gloss = { 0.5f, 0.0f, 0.04f, -1 };
     pbr.emission = { 0.0f, 0.0f, 0.0f, -1 };
     pbr.normals = -1;
+    pbr.glow = material.gloss.x;
     const int index = MATERIAL ? material_of(shapes, materials, world, id) : -1;
     if (index >= 0) {
         pbr.gloss.x = per_world(physical.roughness, world, index);

@@ -54,12 +54,11 @@ WARPCAM_DEVICE SurfaceMaterial surface_material(const Appearances& look, const M
                                                 Vec3& normal)
 {
     const PbrMaterial& material = look.material;
-    SurfaceMaterial found { mul(as_vec3(material.color), color),
-                            as_vec3(material.emission),
-                            material.gloss.x,
-                            material.gloss.y,
-                            material.gloss.z,
-                            1.0f };
+    const Vec3 own = mul(as_vec3(material.color), color);
+    SurfaceMaterial found {
+        own, as_vec3(material.emission) + material.glow * own, material.gloss.x, material.gloss.y, material.gloss.z,
+        1.0f
+    };
     if constexpr (MAPS) {
         const int normals = material.normals, packed = material.gloss.w, emission_map = material.emission.w;
         const ShapeFromCamera& pose = look.pose;

@@ -46,7 +46,8 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
     const PbrMaterial& material = look.material;
     const ShapeFromCamera& pose = look.pose;
     Float8 roughness = material.gloss.x, metallic = material.gloss.y;
-    inputs.emission = broadcast(as_vec3(material.emission));
+    const Vec3x8 own = mul(broadcast(as_vec3(material.color)), color);
+    inputs.emission = broadcast(as_vec3(material.emission)) + (Float8)material.glow * own;
     inputs.open = 1.0f;
     if constexpr (MAPS) {
         const int normals = material.normals, packed = material.gloss.w, emission_map = material.emission.w;
@@ -79,7 +80,7 @@ inline void pbr_inputs8_at(const Appearances& look, const Meshes& meshes, const 
             }
         }
     }
-    set_reflection(inputs, mul(broadcast(as_vec3(material.color)), color), roughness, metallic, material.gloss.z);
+    set_reflection(inputs, own, roughness, metallic, material.gloss.z);
 }
 
 // Where the shares of eight pixels of a region and their light from shapes are. `count` pixels are given; further lanes

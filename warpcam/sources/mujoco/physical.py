@@ -29,7 +29,7 @@ def physical_arrays(
 
     Metalness and roughness are the material's layers where it has them; else it is no metal, and as rough as the facets
     whose highlight falls off as its shininess says: alpha^2 = 2 / (exponent + 2), with the exponent 128 * shininess.
-    ``specular`` is the reflectance at normal incidence over 0.08, ``emission`` a factor of the colour in linear light.
+    ``specular`` is the reflectance at normal incidence over 0.08. What shines has ``Materials.emission``, nothing here.
     ``bulbradius`` of lights that have a place softens their shadows.
 
     Args:
@@ -50,7 +50,6 @@ def physical_arrays(
     sky = np.zeros((SKY_TERMS + 1, 3))
     if skybox >= 0:
         sky[:SKY_TERMS], sky[-1] = _terms_of_cube(textures[skybox].pixels), 1.0
-    emissive = mjm.mat_emission[:, None] * srgb_to_linear(np.clip(mjm.mat_rgba[:, :3], 0.0, 1.0))
     numbers = {
         "roughness": rough,
         "metallic": np.maximum(mjm.mat_metallic, 0.0),
@@ -64,7 +63,7 @@ def physical_arrays(
     sizes = np.zeros((lights, 3))
     local = mjm.light_type != mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
     sizes[: mjm.nlight, 0] = np.where(local, np.maximum(mjm.light_bulbradius, 0.0), 0.0)
-    vectors = {"emissive": emissive, "sky": sky, "sizes": sizes}
+    vectors = {"emissive": np.zeros((mjm.nmat, 3)), "sky": sky, "sizes": sizes}
     found |= {
         name: wp.array(np.asarray(rows, np.float32).reshape(1, -1, 3), dtype=wp.vec3, device=device)
         for name, rows in vectors.items()
