@@ -158,9 +158,8 @@ def _seeds(state: Randomizer, seed: Any) -> wp.array | None:
     array = torch_interop.as_array(seed)
     if array is None:
         if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not -(2**31) <= seed < 2**31:
-            raise WarpcamError(
-                f"randomize: seed must be a whole number of 32 bits, -2^31 to 2^31 - 1, or an int32 tensor, got {seed!r}"
-            )
+            allowed = "a whole number of 32 bits, -2^31 to 2^31 - 1, or an int32 tensor"
+            raise WarpcamError(f"randomize: seed must be {allowed}, got {seed!r}")
         return None
     device_rule.require_same(state.device, "the scene is", array.device, "randomize: seed")
     if array.dtype is not wp.int32 or tuple(array.shape) not in ((1,), (state.num_worlds,)):
