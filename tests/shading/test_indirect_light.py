@@ -1,6 +1,7 @@
 """One bounce of light from shapes in the real-time look."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -72,6 +73,30 @@ def test_a_plate_lights_a_floor(stage: Usd.Stage, half: float, most: float, rms:
     assert np.sqrt((error**2).mean()) < rms
     assert abs(error.mean()) < 0.004
     assert not lit(scene, camera, look="pbr").any()
+
+
+def shining_box(stage: Usd.Stage) -> None:
+    box = UsdGeom.Cube.Define(stage, "/light")
+    box.CreateSizeAttr(0.6)
+    UsdGeom.Xformable(box).AddTranslateOp().Set(Gf.Vec3d(0.0, 0.0, 1.0))
+    bind(box, stage, 0.0, 5.0)
+
+
+@pytest.mark.parametrize("light", [shining_box])
+def test_places_on_lights_are_drawn_well(
+    stage: Usd.Stage, light: Callable[[Usd.Stage], None], device: wp.Device
+) -> None:
+    """Rays of a pixel end where light comes from: not at sides that face away."""
+    matt(stage, "/floor", [(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)], ALBEDO)
+    light(stage)
+    no_sky(stage)
+    camera = wc.Camera("c", width=32, height=32, lens=wc.Orthographic(height=4.0), position=(0.0, 0.0, 0.45),
+                       outputs=("hdr",))  # fmt: skip
+    scene = wc.from_usd(stage, device=device, exposure=0.0)
+    seen = lit(scene, camera, look="pbr", indirect_light=True)
+    traced = lit(scene, camera, look="path", path=wc.PathOptions(samples=512, bounces=1))
+    assert seen.mean() == pytest.approx(traced.mean(), rel=0.01)
+    assert np.sqrt(((seen - traced) ** 2).mean()) < 0.07 * traced.mean()
 
 
 def room(stage: Usd.Stage, emission: float) -> None:

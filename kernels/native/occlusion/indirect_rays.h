@@ -14,8 +14,6 @@ constexpr int OPEN_RAYS_SHIFT = 8 * NORMAL_BYTES;
 // chance, as spots (Kaplanyan and Dachsbacher, "Path Space Regularization for Holistic and Robust Light Transport", 2013).
 constexpr float LEAST_HIGHLIGHT = 0.5f;
 
-constexpr float GOLDEN_PART = 0.618034f;  // steps that spread points of a line evenly
-
 template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<Types, FLAGS, Scene_> {
     using World_ = LitWorld<Types, FLAGS, Scene_>;
     using World_::scene, World_::hub, World_::world, World_::rows, World_::head, World_::trace, World_::light_of;
@@ -45,12 +43,11 @@ template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<
     // The light that comes straight from a place on a shape that shines. Rays around the normal find small ones by chance,
     // as spots, and places on large ones that are near give spots: each has the more of the light the more evenly its
     // rays lie there (Veach and Guibas 1995).
-    WARPCAM_DEVICE Vec3 emitted_light(const OcclusionPoint& from, const PathQuery& asked, int id, Float2 at,
-                                      float choice) const
+    WARPCAM_DEVICE Vec3 emitted_light(const OcclusionPoint& from, const PathQuery& asked, int id, Float2 at) const
     {
         const Vec3 none { 0.0f, 0.0f, 0.0f };
         const LampSample sample = draw_emitter<Types>(scene.frame, scene.meshes, load_shape(scene.shapes, world, id),
-                                                      hub.origin, from.point, choice, at.x, at.y);
+                                                      hub.origin, from.point, at.x, at.y);
         const float around = dot(from.normal, sample.direction) * (1.0f / PI);  // density of the other rays
         if (!(around > 0.0f && sample.weight > 0.0f && dot(from.facing, sample.direction) > 0.0f))
             return none;
@@ -78,10 +75,7 @@ template <class Types, int FLAGS, class Scene_> struct IndirectLight : LitWorld<
 #pragma unroll 1
         for (int number = 0; number < OCCLUSION_RAYS * head[NUM_EMITTERS]; ++number) {
             const int ray = number % OCCLUSION_RAYS;
-            const float turns = 0.5f + GOLDEN_PART * float(pattern.first + ray);
-            sum = sum
-                  + emitted_light(from, query, emitters[number / OCCLUSION_RAYS], pattern.point(ray),
-                                  turns - floor(turns));
+            sum = sum + emitted_light(from, query, emitters[number / OCCLUSION_RAYS], pattern.point(ray));
         }
         return make_float3_int((1.0f / OCCLUSION_RAYS) * sum, open << OPEN_RAYS_SHIFT);
     }

@@ -64,27 +64,74 @@ WARPCAM_DEVICE EmitterTriangle emitter_triangle(const Meshes& meshes, const Shap
     return { first + shape.position - camera, corner(1) - first, corner(2) - first };
 }
 
-WARPCAM_DEVICE float box_area(Vec3 half) { return 8.0f * (half.x * half.y + half.y * half.z + half.z * half.x); }
+// A box from a place: its sides that face the place, or all from within. The others are not drawn.
+struct EmitterBox {
+    static constexpr int SIDES = 6;  // -x +x -y +y -z +z
 
-WARPCAM_DEVICE EmitterPlace box_place(const Shape& shape, Vec3 camera, float choice, float u, float v)
-{
-    const Vec3 h = shape.size;
-    const float area = box_area(h);
-    float at = choice * area * 0.125f;
-    int axis = 0;
-    if (at >= h.y * h.z) {
-        at -= h.y * h.z;
-        axis = 1;
-        if (at >= h.z * h.x) {
-            at -= h.z * h.x;
-            axis = 2;
-        }
+    Vec3 half;
+    Vec3 from;  // the place, in the box's frame
+    bool within;
+
+    WARPCAM_DEVICE EmitterBox(const Shape& shape, Vec3 camera, Vec3 place)
+        : half(shape.size), from(transform_transposed(shape.rotation, place - (shape.position - camera))),
+          within(!(abs(from.x) > half.x || abs(from.y) > half.y || abs(from.z) > half.z))
+    {
     }
-    const float of = axis == 0 ? h.y * h.z : axis == 1 ? h.z * h.x : h.x * h.y, side = at < 0.5f * of ? -1.0f : 1.0f;
-    const float a = 2.0f * u - 1.0f, b = 2.0f * v - 1.0f;
-    const Vec3 unit = axis == 0 ? Vec3 { side, a, b } : axis == 1 ? Vec3 { b, side, a } : Vec3 { a, b, side };
-    return { shape.position - camera + transform(shape.rotation, mul(unit, h)),
-             transform(shape.rotation, axis_vector(axis, side)), area };
+
+    WARPCAM_DEVICE static float sign_of(int side) { return side & 1 ? 1.0f : -1.0f; }
+
+    // Of a side that is drawn; else 0.
+    WARPCAM_DEVICE float side_area(int side) const
+    {
+        const int axis = side >> 1;
+        const float across = axis == 0 ? half.y * half.z : axis == 1 ? half.z * half.x : half.x * half.y;
+        return within || sign_of(side) * component(from, axis) > component(half, axis) ? 4.0f * across : 0.0f;
+    }
+
+    WARPCAM_DEVICE float area() const
+    {
+        float sum = 0.0f;
+        for (int side = 0; side < SIDES; ++side)
+            sum += side_area(side);
+        return sum;
+    }
+
+    WARPCAM_DEVICE EmitterPlace place(const Shape& shape, Vec3 camera, float u, float v) const
+    {
+        const float all = area(), at = u * all;
+        int drawn = 0;
+        float before = 0.0f, on = 0.0f;
+        for (int side = 0; side < SIDES; ++side) {
+            const float own = side_area(side);
+            if (own > 0.0f && at >= before) {
+                drawn = side;
+                on = saturate((at - before) / own);
+            }
+            before += own;
+        }
+        const int axis = drawn >> 1;
+        const float sign = sign_of(drawn), a = 2.0f * on - 1.0f, b = 2.0f * v - 1.0f;
+        const Vec3 unit = axis == 0 ? Vec3 { sign, a, b } : axis == 1 ? Vec3 { b, sign, a } : Vec3 { a, b, sign };
+        return { shape.position - camera + transform(shape.rotation, mul(unit, half)),
+                 transform(shape.rotation, axis_vector(axis, sign)), all };
+    }
+
+    // area() if the side with that normal is drawn, else 0. `point`: on the side.
+    WARPCAM_DEVICE float area_with(const Shape& shape, Vec3 camera, Vec3 point, Vec3 normal) const
+    {
+        const Vec3 out = transform_transposed(shape.rotation, normal);
+        const Vec3 local = transform_transposed(shape.rotation, point - (shape.position - camera));
+        const Vec3 size { abs(out.x), abs(out.y), abs(out.z) };
+        const int axis = size.x > max(size.y, size.z) ? 0 : size.y > size.z ? 1 : 2;
+        return side_area(2 * axis + (component(local, axis) > 0.0f ? 1 : 0)) > 0.0f ? area() : 0.0f;
+    }
+};
+
+// Of the direction to a place that is drawn evenly from so large an area [1/sr]; 0 where it is not drawn.
+WARPCAM_DEVICE float density_of_place(Vec3 away, Vec3 normal, float area)
+{
+    const float square = dot(away, away), seen = abs(dot(away, normal)) * area;
+    return seen > 0.0f ? square * wp::sqrt(square) / max(seen, MIN_NORMAL) : 0.0f;
 }
 
 // A ball as a lamp of its size.
@@ -99,10 +146,11 @@ WARPCAM_DEVICE AreaLight ball_lamp(const Shape& shape, Vec3 camera)
     return lamp;
 }
 
-// Direction and distance from `from` to a place of the shape; `density`: of the direction [1/sr].
+// Direction and distance from `from` to a place of the shape; `density`: of the direction [1/sr]. Points of the unit square
+// that are spread evenly lie evenly on each side and face, too: `u` chooses it, and goes on from 0 to 1 there.
 template <class Types, class Frame_, class Meshes>
 WARPCAM_DEVICE LampSample draw_emitter(const Frame_& frame, const Meshes& meshes, const Shape& shape, Vec3 camera,
-                                       Vec3 from, float choice, float u, float v)
+                                       Vec3 from, float u, float v)
 {
     if (shape.type == SPHERE)
         return draw_lamp(ball_lamp(shape, camera), from, u, v);
@@ -110,17 +158,16 @@ WARPCAM_DEVICE LampSample draw_emitter(const Frame_& frame, const Meshes& meshes
     if (Types::has(MESH) && shape.type == MESH) {
         const int start = wp::index(frame.face_starts, shape.asset);
         const int count = wp::index(frame.face_starts, shape.asset + 1) - start;
-        const int face = wp::index(frame.faces, start + min(int(choice * float(count)), count - 1));
-        place = emitter_triangle<Types>(meshes, shape, face, camera).place(u, v, float(count));
+        const int drawn = min(int(u * float(count)), count - 1);
+        place = emitter_triangle<Types>(meshes, shape, wp::index(frame.faces, start + drawn), camera)
+                    .place(saturate(u * float(count) - float(drawn)), v, float(count));
     } else {
-        place = box_place(shape, camera, choice, u, v);
+        place = EmitterBox(shape, camera, from).place(shape, camera, u, v);
     }
     const Vec3 away = place.point - from;
-    const float square = max(dot(away, away), 1.0e-20f), distance = wp::sqrt(square);
-    const Vec3 direction = 1.0f / distance * away;
-    const float cosine = abs(dot(direction, place.normal));
-    const float density = square / max(cosine * place.area, MIN_NORMAL);
-    return { direction, distance, cosine * place.area > 1.0e-20f ? 1.0f / density : 0.0f, density };
+    const float distance = wp::sqrt(max(dot(away, away), 1.0e-20f));
+    const float density = density_of_place(away, place.normal, place.area);
+    return { 1.0f / distance * away, distance, density > 0.0f ? 1.0f / density : 0.0f, density };
 }
 
 // The density with which it would have drawn the direction to a place that a ray met; `face` and `normal` are what is there.
@@ -129,20 +176,19 @@ WARPCAM_DEVICE float emitter_density(const Frame_& frame, const Meshes& meshes, 
                                      Vec3 from, Vec3 point, Vec3 normal, int face)
 {
     const Vec3 away = point - from;
-    const float square = dot(away, away);
     if (shape.type == SPHERE) {
         const Vec3 middle = shape.position - camera - from;
         const float far = dot(middle, middle), radius = shape.size.x * shape.size.x;
         return cap_density(far > radius ? cap_height(radius / far) : 2.0f);
     }
-    float area = box_area(shape.size);
     if (Types::has(MESH) && shape.type == MESH) {
         const float count =
             float(wp::index(frame.face_starts, shape.asset + 1) - wp::index(frame.face_starts, shape.asset));
-        area = emitter_triangle<Types>(meshes, shape, face, camera).place(0.0f, 0.0f, count).area;
+        const float area = emitter_triangle<Types>(meshes, shape, face, camera).place(0.0f, 0.0f, count).area;
+        return density_of_place(away, normal, area);
     }
-    const float cosine = abs(dot(away, normal)) / wp::sqrt(max(square, MIN_NORMAL));
-    return square / max(cosine * area, MIN_NORMAL);
+    const float area = EmitterBox(shape, camera, from).area_with(shape, camera, point, normal);
+    return density_of_place(away, normal, area);
 }
 
 }  // namespace warpcam

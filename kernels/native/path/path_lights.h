@@ -119,7 +119,7 @@ template <class Types, int FLAGS, class Scene_> struct PathLights {
             found.emitter = head[FIRST_LAMP + head[NUM_LAMPS] + number - num_lamps()];
             const LampSample sample =
                 draw_emitter<Types>(scene.frame, scene.meshes, load_shape(scene.shapes, world, found.emitter),
-                                    hub.origin, surface.point, drawn.w, drawn.y, drawn.z);
+                                    hub.origin, surface.point, drawn.y, drawn.z);
             found.direction = sample.direction;
             found.far = sample.distance;
             density = sample.density;
