@@ -29,6 +29,8 @@ def _frame_struct(results: tuple[str, ...], shape_dtype: Any, face_dtype: Any) -
         "heads": wp.array2d(dtype=wp.int32),
         "face_starts": wp.array(dtype=wp.int32),
         "faces": wp.array(dtype=wp.int32),
+        "face_sums": wp.array(dtype=wp.float32),
+        "face_shares": wp.array(dtype=wp.float32),
     }
     fields |= dict.fromkeys(results, wp.array(dtype=wp.vec4))  # (pixel,)
     return make_struct("LitRayFrame", fields | visible_fields(shape_dtype, face_dtype))
@@ -73,6 +75,7 @@ def bind_lit_rays(
     frame_type, seen = frame.visible(planned, functools.partial(_frame_struct, results))
     seen.horizon, seen.backs, seen.rows, seen.heads = tables.horizon, int(tables.backs_shade), lists.rows, lists.heads
     seen.face_starts, seen.faces = lists.face_starts, lists.faces
+    seen.face_sums, seen.face_shares = lists.face_sums, lists.face_shares
     if tables.world_overrides is not None:
         seen.overrides = tables.world_overrides
     frame.fill(planned, seen, results)

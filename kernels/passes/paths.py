@@ -52,6 +52,10 @@ class PathFrame:
     heads: wp.array2d(dtype=wp.int32)
     face_starts: wp.array(dtype=wp.int32)  # (mesh + 1,) where the faces of each begin in `faces`; empty: none shines
     faces: wp.array(dtype=wp.int32)  # (face,) its row / 3 in the mesh's part of Meshes.faces
+    # (face + mesh,) sums of the shares of the faces of each mesh, from 0 to 1: one more than faces, from
+    # face_starts[mesh] + mesh
+    face_sums: wp.array(dtype=wp.float32)
+    face_shares: wp.array(dtype=wp.float32)  # (row / 3 of Meshes.faces,) of the face that stands there
     # (6 * sky_side^2 + 1,) sums of the shares of cells of the sky's image; empty where it is not drawn as a light
     sky_sums: wp.array(dtype=wp.float32)
     sky_side: wp.int32

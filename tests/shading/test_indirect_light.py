@@ -82,11 +82,22 @@ def shining_box(stage: Usd.Stage) -> None:
     bind(box, stage, 0.0, 5.0)
 
 
-@pytest.mark.parametrize("light", [shining_box])
+def shining_mesh(stage: Usd.Stage) -> None:
+    """A square, with many tiny triangles along its edge."""
+    points, faces = [(-0.3, -0.3), (0.3, -0.3), (0.3, 0.3), (-0.3, 0.3)], [tuple(range(4))]
+    for x in np.linspace(-0.3, 0.3, 200, endpoint=False).tolist():
+        faces.append(tuple(range(len(points), len(points) + 3)))
+        points += [(x, 0.3), (x + 0.003, 0.3), (x, 0.31)]
+    mesh = add_mesh(stage, "/light", [(x, y, 1.0) for x, y in points], faces)
+    mesh.CreateDoubleSidedAttr(True)
+    bind(mesh, stage, 0.0, 5.0)
+
+
+@pytest.mark.parametrize("light", [shining_box, shining_mesh])
 def test_places_on_lights_are_drawn_well(
     stage: Usd.Stage, light: Callable[[Usd.Stage], None], device: wp.Device
 ) -> None:
-    """Rays of a pixel end where light comes from: not at sides that face away."""
+    """Rays of a pixel end where light comes from: not at sides that face away, nor at the smallest faces."""
     matt(stage, "/floor", [(-3, -3, 0), (3, -3, 0), (3, 3, 0), (-3, 3, 0)], ALBEDO)
     light(stage)
     no_sky(stage)

@@ -2,7 +2,7 @@
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -53,24 +53,41 @@ def _num_shapes(tables: SceneTables) -> int:
     return max(tables.num_drawn, casters, 1)
 
 
-def _emitting_faces(tables: SceneTables) -> tuple[np.ndarray, np.ndarray]:
-    """Faces of all meshes, each once, if some material shines.
+class _EmittingFaces(NamedTuple):
+    """Faces of all meshes, each once, and how often they are drawn as lights: arrays of PathFrame."""
 
-    Returns:
-        Where those of each mesh begin, (mesh + 1,), and their rows / 3 in the mesh's part of ``Meshes.faces``, int32.
-    """
-    none = np.zeros(0, np.int32)
+    starts: np.ndarray
+    faces: np.ndarray
+    sums: np.ndarray
+    shares: np.ndarray
+
+
+def _emitting_faces(tables: SceneTables) -> _EmittingFaces:
+    """Faces of all meshes if some material shines, drawn as often as they are large when the scene is loaded."""
     meshes = tables.meshes
     emissions = (tables.physical.emissive, tables.materials.emission)
     if MESH not in tables.shape_types or not any(array.size and array.numpy().any() for array in emissions):
-        return none, none
-    first = meshes.faces.numpy().reshape(-1, 3, 4)[:, 0, 3].view(np.int32)
-    starts = meshes.face_start.numpy() // 3
-    rows = [
-        np.unique(first[start:end], return_index=True)[1]
-        for start, end in itertools.pairwise([*starts.tolist(), len(first)])
-    ]
-    return np.cumsum([0, *map(len, rows)]).astype(np.int32), np.concatenate(rows).astype(np.int32)
+        none, no_shares = np.zeros(0, np.int32), np.zeros(0, np.float32)
+        return _EmittingFaces(none, none, no_shares, no_shares)
+    corners = meshes.faces.numpy().reshape(-1, 3, 4)
+    numbers = corners[:, 0, 3].view(np.int32)
+    rows, sums, shares = [], [], []
+    for start, end in itertools.pairwise([*(meshes.face_start.numpy() // 3).tolist(), len(corners)]):
+        _, first, again = np.unique(numbers[start:end], return_index=True, return_inverse=True)
+        rows.append(first)
+        sums.append(_sums_of_areas(corners[start:end][first, :, :3].astype(np.float64)))
+        shares.append(np.diff(sums[-1])[again])
+    starts = np.cumsum([0, *map(len, rows)]).astype(np.int32)
+    return _EmittingFaces(starts, np.concatenate(rows).astype(np.int32), np.concatenate(sums), np.concatenate(shares))
+
+
+def _sums_of_areas(corners: np.ndarray) -> np.ndarray:
+    """Sums of the shares of triangles, (triangle, 3, 3), in their area, from 0 to 1; alike if they have none."""
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    if not 0.0 < areas.sum() < np.inf:
+        areas = np.ones(len(areas))
+    sums = np.cumsum([0.0, *areas])
+    return (sums / (sums[-1] or 1.0)).astype(np.float32)
 
 
 def list_bytes(tables: SceneTables) -> int:
@@ -99,7 +116,10 @@ def _lists(tables: SceneTables, device: wp.Device) -> Any:
     frame: Any = PathFrame()
     frame.rows = wp.zeros((worlds, SHAPE_ROWS * _num_shapes(tables)), dtype=wp.vec4, device=device)
     frame.heads = wp.zeros((worlds, HEAD + tables.num_lights + _num_shapes(tables)), dtype=wp.int32, device=device)
-    frame.face_starts, frame.faces = (wp.array(rows, dtype=wp.int32, device=device) for rows in _emitting_faces(tables))
+    emitting = _emitting_faces(tables)
+    frame.face_starts, frame.faces, frame.face_sums, frame.face_shares = (
+        wp.array(rows, device=device) for rows in emitting
+    )
     frame.begun, frame.wanted = (wp.zeros(worlds, dtype=wp.int32, device=device) for _ in range(2))
     return frame
 

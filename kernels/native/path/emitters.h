@@ -1,7 +1,8 @@
-// Shapes that shine: places on them, drawn evenly, and the density with which they are drawn.
+// Shapes that shine: places on them, drawn evenly by area, and the density with which they are drawn.
 //
 // Balls, boxes and meshes can be drawn. What else shines is met by chance, which is as right and takes more paths.
 #pragma once
+#include "path/environment_cells.h"
 #include "path/lamps.h"
 #include "path/trace_path.h"
 
@@ -36,32 +37,35 @@ WARPCAM_DEVICE bool is_emitter(const Frame_& frame, const Shapes& shapes, const 
 struct EmitterPlace {
     Vec3 point;
     Vec3 normal;  // unit
-    float area;   // of which it is one, over the chance that it was this one [m^2]
+    float area;   // of which it is one, over the chance that it was this one [m^2]; 0: it is not drawn
 };
 
 struct EmitterTriangle {
     Vec3 origin, edge1, edge2;
+    float share;  // the chance that this one is drawn of its mesh
 
-    WARPCAM_DEVICE EmitterPlace place(float u, float v, float count) const
+    WARPCAM_DEVICE EmitterPlace place(float u, float v) const
     {
         const float root = wp::sqrt(u);
         const Vec3 normal = cross(edge1, edge2);
         const float twice = wp::sqrt(dot(normal, normal));
         return { origin + (root * (1.0f - v)) * edge1 + (root * v) * edge2, 1.0f / max(twice, MIN_NORMAL) * normal,
-                 0.5f * twice * count };
+                 share > 0.0f ? 0.5f * twice / share : 0.0f };
     }
 };
 
-template <class Types, class Meshes>
-WARPCAM_DEVICE EmitterTriangle emitter_triangle(const Meshes& meshes, const Shape& shape, int face, Vec3 camera)
+template <class Types, class Frame_, class Meshes>
+WARPCAM_DEVICE EmitterTriangle emitter_triangle(const Frame_& frame, const Meshes& meshes, const Shape& shape, int face,
+                                                Vec3 camera)
 {
     const unsigned row = unsigned(wp::index(meshes.face_start, shape.asset)) + unsigned(FACE_ROWS * face);
+    const float share = frame.face_shares.data[row / FACE_ROWS];
     const auto corner = [&](int k) {
         const Vec3 own = as_vec3(load(meshes.faces.data, row + k));
         return transform(shape.rotation, Types::has(PER_SHAPE_SCALE) ? mul(own, shape.size) : own);
     };
     const Vec3 first = corner(0);
-    return { first + shape.position - camera, corner(1) - first, corner(2) - first };
+    return { first + shape.position - camera, corner(1) - first, corner(2) - first, share };
 }
 
 // A box from a place: its sides that face the place, or all from within. The others are not drawn.
@@ -130,8 +134,8 @@ struct EmitterBox {
 // Of the direction to a place that is drawn evenly from so large an area [1/sr]; 0 where it is not drawn.
 WARPCAM_DEVICE float density_of_place(Vec3 away, Vec3 normal, float area)
 {
-    const float square = dot(away, away), seen = abs(dot(away, normal)) * area;
-    return seen > 0.0f ? square * wp::sqrt(square) / max(seen, MIN_NORMAL) : 0.0f;
+    const float square = dot(away, away), distance = wp::sqrt(square), seen = abs(dot(away, normal)) * area;
+    return seen > 1.0e-20f * distance ? square * distance / max(seen, MIN_NORMAL) : 0.0f;
 }
 
 // A ball as a lamp of its size.
@@ -158,9 +162,11 @@ WARPCAM_DEVICE LampSample draw_emitter(const Frame_& frame, const Meshes& meshes
     if (Types::has(MESH) && shape.type == MESH) {
         const int start = wp::index(frame.face_starts, shape.asset);
         const int count = wp::index(frame.face_starts, shape.asset + 1) - start;
-        const int drawn = min(int(u * float(count)), count - 1);
-        place = emitter_triangle<Types>(meshes, shape, wp::index(frame.faces, start + drawn), camera)
-                    .place(saturate(u * float(count) - float(drawn)), v, float(count));
+        float on;
+        const float* const sums = frame.face_sums.data + start + shape.asset;
+        const int drawn = EnvironmentCells::find(sums, count, u, on);
+        const int face = wp::index(frame.faces, start + drawn);
+        place = emitter_triangle<Types>(frame, meshes, shape, face, camera).place(on, v);
     } else {
         place = EmitterBox(shape, camera, from).place(shape, camera, u, v);
     }
@@ -182,9 +188,7 @@ WARPCAM_DEVICE float emitter_density(const Frame_& frame, const Meshes& meshes, 
         return cap_density(far > radius ? cap_height(radius / far) : 2.0f);
     }
     if (Types::has(MESH) && shape.type == MESH) {
-        const float count =
-            float(wp::index(frame.face_starts, shape.asset + 1) - wp::index(frame.face_starts, shape.asset));
-        const float area = emitter_triangle<Types>(meshes, shape, face, camera).place(0.0f, 0.0f, count).area;
+        const float area = emitter_triangle<Types>(frame, meshes, shape, face, camera).place(0.0f, 0.0f).area;
         return density_of_place(away, normal, area);
     }
     const float area = EmitterBox(shape, camera, from).area_with(shape, camera, point, normal);
